@@ -1,0 +1,262 @@
+"""Linear algebra over the last axis: every array carries the Monte Carlo runs there, x (n, M), P (n, n, M), y (m, M).
+
+An elementary operation is then one vector operation over all runs, and what all runs share keeps a last axis of length
+1 and broadcasts. A matrix without a run axis (2-d) is shared as well and its products are single BLAS calls. Nothing
+here raises for a bad run: a covariance that is not positive definite turns that run into NaN and leaves its neighbours
+untouched.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]  # of floats, unless a docstring says otherwise
+
+
+def mul(A: Array, B: Array) -> Array:
+    """A B with A (i, j) shared or (i, j, M), and B (j, ...): the product over the first axis of B."""
+    if A.ndim == 2:
+        return (A @ B.reshape(len(B), -1)).reshape(len(A), *B.shape[1:])
+    if B.ndim == 2:
+        return np.einsum("ij...,j...->i...", A, B)
+    return np.einsum("ij...,jk...->ik...", A, B)
+
+
+def transpose(A: Array) -> Array:
+    """A' of every run."""
+    return A.swapaxes(0, 1)
+
+
+def sym(A: Array) -> Array:
+    """(A + A')/2."""
+    return 0.5 * (A + transpose(A))
+
+
+def sandwich(A: Array, P: Array) -> Array:
+    """A P A' for symmetric P, symmetric to the last bit. With a shared A it is one product: vec(A P A') = (A x A) vec(P)."""
+    if A.ndim > 2:
+        return sym(mul(A, transpose(mul(A, P))))
+    m, n = A.shape
+    return (_twice(A.shape, A.tobytes()) @ P.reshape(n * n, -1)).reshape(m, m, -1)
+
+
+@lru_cache(maxsize=256)
+def _twice(shape: tuple[int, int], content: bytes) -> Array:
+    """The Kronecker product of A with itself, (m^2, n^2), with the rows of (i, j) and (j, i) made equal."""
+    m, n = shape
+    A = np.frombuffer(content).reshape(shape)
+    K = np.kron(A, A).reshape(m, m, n * n)
+    return (0.5 * (K + transpose(K))).reshape(m * m, n * n)
+
+
+def outer(a: Array, b: Array) -> Array:
+    """a b' of every run."""
+    return a[:, None] * b[None]
+
+
+def dot(a: Array, b: Array) -> Array:
+    """a'b of every run."""
+    return np.einsum("i...,i...->...", a, b)
+
+
+def batched(A: Array) -> Array:
+    """A with a run axis: a shared (i, j) becomes (i, j, 1)."""
+    return A[..., None] if A.ndim == 2 else A
+
+
+def eye(n: int) -> Array:
+    """The identity, shared by all runs: (n, n, 1)."""
+    return np.eye(n)[..., None]
+
+
+def diag(d: Array) -> Array:
+    """The diagonal matrix with diagonal d (n, M)."""
+    D = np.zeros((len(d), *d.shape))
+    for i, di in enumerate(d):
+        D[i, i] = di
+    return D
+
+
+def cholesky(A: Array) -> Array:
+    """Lower L with L L' = A (n, n, M); NaN in the runs where A is not positive definite."""
+    L = np.zeros_like(A)
+    for j in range(len(A)):
+        c = A[j:, j] - np.einsum("ik...,k...->i...", L[j:, :j], L[j, :j])
+        L[j:, j] = c / np.sqrt(np.where(c[0] > 0, c[0], np.nan))
+    return L
+
+
+def positive_definite(A: Array) -> NDArray[np.bool_]:
+    """Whether all pivots of A = L D L' are positive, by run: (n, n, M) -> (M,)."""
+    if A.shape[-1] == 1:
+        return np.array([_shared_cholesky(A) is not None])
+    good = A[0, 0] > 0
+    while len(A) > 1:
+        A = A[1:, 1:] - outer(A[1:, 0] / A[0, 0], A[0, 1:])
+        good &= A[0, 0] > 0
+    return good
+
+
+def _shared_cholesky(A: Array) -> Array | None:
+    """The lower Cholesky factor (n, n) of a covariance (n, n, 1) that all runs share; None if it is not positive
+    definite.
+    """
+    try:
+        return np.linalg.cholesky(A[..., 0]) if np.isfinite(A).all() else None
+    except np.linalg.LinAlgError:
+        return None
+
+
+def solve_lower(L: Array, B: Array) -> Array:
+    """L^-1 B by forward substitution, L (m, m) shared or (m, m, M), B (m, ...)."""
+    X = np.array(np.broadcast_to(B, B.shape[:-1] + np.broadcast_shapes(B.shape[-1:], L.shape[2:])))
+    for i in range(len(L)):
+        for j in range(i):
+            X[i] -= L[i, j] * X[j]
+        X[i] /= L[i, i]
+    return X
+
+
+def solve(S: Array, B: Array) -> Array:
+    """S^-1 B by elimination without pivoting, for positive definite (or well scaled) S (m, m, M) and B (m, ..., M)."""
+    width = np.broadcast_shapes(B.shape[-1:], S.shape[2:])
+    S, X = S.copy(), np.array(np.broadcast_to(B, B.shape[:-1] + width))
+    for k in range(len(S)):
+        for i in range(k + 1, len(S)):
+            ratio = S[i, k] / S[k, k]
+            S[i, k + 1 :] -= ratio * S[k, k + 1 :]
+            X[i] -= ratio * X[k]
+    for k in reversed(range(len(S))):
+        for j in range(k + 1, len(S)):
+            X[k] -= S[k, j] * X[j]
+        X[k] /= S[k, k]
+    return X
+
+
+def condition(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array, Array]:
+    """Gaussian conditioning x + C S^-1 nu and P - C S^-1 C', for cov(x, y) = C (n, m, M) and cov(y) = S (m, m, M).
+
+    One elimination of [S | C' | nu], S = L L', leaves in each row k a column g_k of C L'^-1 and an element e_k of L^-1
+    nu; so each measurement direction is taken as one rank-one step x + g_k e_k, P - g_k g_k'. No inverse, and P stays
+    symmetric to the last bit. A pivot that is not positive makes the run NaN.
+    """
+    if S.shape[-1] == 1:
+        return _condition_shared(x, P, C, S, nu)
+    m, n, width = len(S), len(P), S.shape[-1]
+    A = np.empty((m, m + n + 1, width))
+    A[:, :m], A[:, m:-1], A[:, -1] = S, transpose(C), nu
+    B = np.empty((n, n + 1, width))
+    B[:, :n], B[:, n] = P, -x
+    for k in range(m, 0, -1):  # k directions are left
+        row = A[0] / np.sqrt(A[0, 0])
+        g_e = row[k:]
+        B -= g_e[:n, None] * g_e
+        A = A[1:, 1:] - row[1:k, None] * row[1:]
+    return -B[:, n], B[:, :n]
+
+
+def _condition_shared(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array, Array]:
+    """`condition` where all runs share S: one gain, one product."""
+    L = _shared_cholesky(S)
+    if L is None:
+        return np.full_like(x, np.nan), np.full_like(P, np.nan)
+    g = np.linalg.solve(L, C[..., 0].T)
+    return x + np.linalg.solve(L.T, g).T @ nu, P - (g.T @ g)[..., None]
+
+
+def eigh(A: Array, sweeps: int = 6) -> tuple[Array, Array]:
+    """Eigenvalues (n, M), ascending, and eigenvectors (n, n, M) as columns of symmetric A (n, n, M), by cyclic Jacobi
+    rotations.
+
+    Six sweeps reach the rounding level for the small matrices of this package (quadratic convergence; n <= 6).
+    """
+    n = len(A)
+    A, V = A.copy(), np.array(np.broadcast_to(eye(n), A.shape))
+    for _ in range(sweeps if n > 2 else 1):
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                c, s = _rotation(A[p, p], A[q, q], A[p, q])
+                for B in (A, transpose(A), transpose(V)):
+                    B[p], B[q] = c * B[p] - s * B[q], s * B[p] + c * B[q]
+    w = np.stack([A[i, i] for i in range(n)])
+    order = np.argsort(w, axis=0, kind="stable")
+    return np.take_along_axis(w, order, 0), np.take_along_axis(V, order[None], 1)
+
+
+def eigvalsh(A: Array) -> Array:
+    """Eigenvalues (n, ...), ascending, of symmetric A (n, n, ...)."""
+    return np.sort(_eigenvalues(A), axis=0)
+
+
+def _eigenvalues(A: Array, sweeps: int = 6) -> Array:
+    """Eigenvalues in no order: Jacobi rotations on the upper triangle alone."""
+    n = len(A)
+    a = {(i, j): A[i, j] for i in range(n) for j in range(i, n)}
+    for _ in range(sweeps if n > 2 else 1):
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                c, s = _rotation(a[p, p], a[q, q], a[p, q])
+                shift = (s / c) * a[p, q]
+                a[p, p], a[q, q], a[p, q] = a[p, p] - shift, a[q, q] + shift, np.zeros_like(shift)
+                for r in set(range(n)) - {p, q}:
+                    rp, rq = (min(r, p), max(r, p)), (min(r, q), max(r, q))
+                    a[rp], a[rq] = c * a[rp] - s * a[rq], s * a[rp] + c * a[rq]
+    return np.stack([a[i, i] for i in range(n)])
+
+
+def _rotation(app: Array, aqq: Array, apq: Array) -> tuple[Array, Array]:
+    """Cosine and sine of the Jacobi rotation that annihilates a_pq (the smaller angle; the identity where a_pq = 0)."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        theta = 0.5 * (aqq - app) / apq
+        t = np.where(apq == 0, 0.0, np.copysign(1.0, theta) / (np.abs(theta) + np.sqrt(theta * theta + 1.0)))
+    c = 1.0 / np.sqrt(t * t + 1.0)
+    return c, t * c
+
+
+def cond(A: Array) -> Array:
+    """Condition number in the 2-norm of symmetric positive definite A (n, n, ...): largest over smallest eigenvalue."""
+    w = _eigenvalues(A)
+    return w.max(0) / w.min(0)
+
+
+def root(A: Array, kind: str = "symmetric") -> Array:
+    """L with L L' = A: the symmetric square root or the lower Cholesky factor, of a shared (m, m) or of every run's
+    (m, m, M).
+    """
+    if A.ndim == 3 and A.shape[2] > 1:
+        if kind == "cholesky":
+            return cholesky(A)
+        w, V = eigh(A)
+        return mul(V * np.sqrt(w), transpose(V))
+    shared = A if A.ndim == 2 else A[..., 0]
+    L = np.linalg.cholesky(shared) if kind == "cholesky" else _symmetric_root(shared)
+    return L if A.ndim == 2 else L[..., None]
+
+
+def _symmetric_root(A: Array) -> Array:
+    w, V = np.linalg.eigh(A)
+    return (V * np.sqrt(w)) @ V.T
+
+
+@lru_cache(maxsize=256)
+def _whitening(shape: tuple[int, ...], content: bytes, kind: str) -> tuple[Array, Array]:
+    L = root(np.frombuffer(content).reshape(shape), kind)
+    return L, np.linalg.inv(L)
+
+
+def whitening(A: Array, kind: str = "symmetric", reuse: bool = True) -> tuple[Array, Array]:
+    """L and L^-1 with L L' = A. For a shared A both are (m, m) and, with `reuse`, computed once and remembered; else
+    both (m, m, M).
+    """
+    if A.ndim == 3 and A.shape[2] > 1:
+        L = root(A, kind)
+        return L, solve(L, np.broadcast_to(eye(len(A)), L.shape)) if kind == "symmetric" else solve_lower(
+            L, eye(len(A))
+        )
+    shared = np.ascontiguousarray(A if A.ndim == 2 else A[..., 0])
+    compute = _whitening if reuse else _whitening.__wrapped__
+    return compute(shared.shape, shared.tobytes(), kind)

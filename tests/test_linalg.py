@@ -1,0 +1,118 @@
+"""The batch-last operations against NumPy, run by run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rkfbench import linalg
+
+RNG = np.random.default_rng(11)
+
+
+def batch(n, M):
+    A = RNG.standard_normal((n, n, M))
+    return np.einsum("ikm,jkm->ijm", A, A) + 0.3 * np.eye(n)[..., None]
+
+
+@pytest.mark.parametrize("M", [1, 7])
+def test_condition_is_gaussian_conditioning_and_keeps_P_symmetric_to_the_last_bit(M):
+    joint = batch(7, M)
+    P, C, S = joint[:4, :4], joint[:4, 4:], joint[4:, 4:]
+    x, nu = RNG.standard_normal((4, 7)), RNG.standard_normal((3, 7))
+    x1, P1 = linalg.condition(x, P, C, S, nu)
+    for i in range(7):
+        j = i if M > 1 else 0
+        K = C[..., j] @ np.linalg.inv(S[..., j])
+        np.testing.assert_allclose(x1[:, i], x[:, i] + K @ nu[:, i], rtol=1e-11)
+        np.testing.assert_allclose(P1[..., j], P[..., j] - K @ C[..., j].T, rtol=1e-10, atol=1e-12)
+    assert np.array_equal(P1, linalg.transpose(P1))
+
+
+def test_condition_widens_what_is_shared_when_S_belongs_to_each_run():
+    P, C, S = batch(4, 1), RNG.standard_normal((4, 3, 1)), batch(3, 6)
+    x1, P1 = linalg.condition(np.zeros((4, 6)), P, C, S, np.ones((3, 6)))
+    assert x1.shape == (4, 6) and P1.shape == (4, 4, 6)
+
+
+def test_a_run_with_an_indefinite_S_becomes_nan_and_leaves_its_neighbours_untouched():
+    P, C, S = batch(4, 3), RNG.standard_normal((4, 3, 3)), batch(3, 3)
+    x, nu = RNG.standard_normal((4, 3)), RNG.standard_normal((3, 3))
+    before = linalg.condition(x, P, C, S, nu)
+    S[..., 1] = np.diag([1.0, -1.0, 1.0])
+    with np.errstate(invalid="ignore"):
+        after = linalg.condition(x, P, C, S, nu)
+    assert np.isnan(after[0][:, 1]).all()
+    for a, b in zip(before, after, strict=True):
+        assert np.array_equal(a[..., [0, 2]], b[..., [0, 2]])
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 6])
+def test_eigenvalues_vectors_condition_number_and_roots_equal_numpys(n):
+    A = batch(n, 5)
+    w, V = linalg.eigh(A)
+    L = linalg.root(A)
+    for i in range(5):
+        np.testing.assert_allclose(w[:, i], np.linalg.eigvalsh(A[..., i]), rtol=1e-12)
+        np.testing.assert_allclose((V[..., i] * w[:, i]) @ V[..., i].T, A[..., i], atol=1e-12)
+        np.testing.assert_allclose(L[..., i] @ L[..., i], A[..., i], rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(linalg.cond(A)[i], np.linalg.cond(A[..., i]), rtol=1e-10)
+    np.testing.assert_allclose(linalg.eigvalsh(A), w, rtol=1e-13)
+
+
+def test_condition_numbers_stay_exact_when_they_are_huge():
+    Q, _ = np.linalg.qr(RNG.standard_normal((3, 3)))
+    A = (Q * np.array([1e6, 1.0, 1e-3])) @ Q.T
+    np.testing.assert_allclose(linalg.cond(A[..., None]), 1e9, rtol=1e-5)
+
+
+def test_cholesky_and_definiteness_agree_run_by_run():
+    A = batch(4, 4)
+    A[..., 2] = np.diag([1.0, 1.0, -1e-3, 1.0])
+    A[..., 3] = np.nan
+    with np.errstate(invalid="ignore"):
+        L, good = linalg.cholesky(A), linalg.positive_definite(A)
+    assert good.tolist() == [True, True, False, False]
+    assert np.isnan(L[..., 2]).any()
+    np.testing.assert_allclose(L[..., 0], np.linalg.cholesky(A[..., 0]), rtol=1e-12)
+    assert linalg.positive_definite(A[..., :1]).tolist() == [True]
+    assert linalg.positive_definite(A[..., 2:3]).tolist() == [False]
+
+
+@pytest.mark.parametrize("kind", ["symmetric", "cholesky"])
+@pytest.mark.parametrize("M", [None, 1, 4])
+def test_whitening_gives_a_root_and_its_inverse(kind, M):
+    A = batch(3, 4)[..., 0] if M is None else batch(3, M)
+    L, inverse = linalg.whitening(A, kind)
+    LL, I = linalg.mul(L, linalg.transpose(L)), linalg.mul(inverse, L)  # noqa: E741
+    full = A[..., 0] if M == 1 else A
+    np.testing.assert_allclose(LL, full, atol=1e-12)
+    np.testing.assert_allclose(I, np.broadcast_to(np.eye(3) if I.ndim == 2 else linalg.eye(3), I.shape), atol=1e-10)
+
+
+def test_solve_and_triangular_solve_equal_numpys():
+    S, b = batch(3, 4), RNG.standard_normal((3, 2, 4))
+    L = linalg.cholesky(S)
+    for i in range(4):
+        np.testing.assert_allclose(linalg.solve(S, b)[..., i], np.linalg.solve(S[..., i], b[..., i]), rtol=1e-9)
+        np.testing.assert_allclose(linalg.solve_lower(L, b)[..., i], np.linalg.solve(L[..., i], b[..., i]), rtol=1e-9)
+
+
+def test_products_with_shared_and_own_matrices_equal_numpys():
+    A, B = RNG.standard_normal((3, 4)), RNG.standard_normal((4, 2, 5))
+    own = RNG.standard_normal((3, 4, 5))
+    for i in range(5):
+        np.testing.assert_allclose(linalg.mul(A, B)[..., i], A @ B[..., i])
+        np.testing.assert_allclose(linalg.mul(own, B)[..., i], own[..., i] @ B[..., i])
+        np.testing.assert_allclose(linalg.mul(own, B[:, 0])[..., i], own[..., i] @ B[:, 0, i])
+
+
+@pytest.mark.parametrize("M", [1, 6])
+def test_a_sandwich_is_symmetric_to_the_last_bit(M):
+    P = batch(4, M)
+    for A in (RNG.standard_normal((3, 4)), RNG.standard_normal((4, 4)), RNG.standard_normal((3, 4, M))):
+        B = linalg.sandwich(A, P)
+        assert np.array_equal(B, linalg.transpose(B))
+        for i in range(M):
+            own = A if A.ndim == 2 else A[..., i]
+            np.testing.assert_allclose(B[..., i], own @ P[..., i] @ own.T, rtol=1e-10, atol=1e-12)
