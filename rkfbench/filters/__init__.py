@@ -1,0 +1,79 @@
+"""The catalogue of filters and of the parts they are made of, and how one is built.
+
+    build("hkf", threshold=2)
+    build({"moments": "taylor", "weight": {"huber": {"threshold": 1.345}}, "update": "once"})
+    build({"fixed_point": {"filter": "hkf", "at": 50, "lag": 20}})
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rkfbench.catalogue import Entry
+from rkfbench.catalogue import build as _build
+from rkfbench.errors import SpecError
+from rkfbench.filters import adaptive, correntropy, flow, fpmcs, joseph, linear, nonlinear, nrukf, schemes, sigma
+from rkfbench.filters.base import Estimate, Filter, Known, Setting
+from rkfbench.filters.gaussian import GaussianFilter
+from rkfbench.filters.moments import Linear, Taylor
+from rkfbench.filters.smoothing import placed
+from rkfbench.filters.weights import Huber, LeastAbsolute, Plain
+
+__all__ = ["FILTERS", "MOMENTS", "SCHEMES", "WEIGHTS", "Estimate", "Filter", "GaussianFilter", "Known", "Setting", "build", "placed"]
+
+FILTERS: dict[str, Entry] = {**linear.FILTERS, **adaptive.FILTERS, **nonlinear.FILTERS, **fpmcs.FILTERS, **nrukf.FILTERS}
+MOMENTS: dict[str, Entry] = {"linear": Entry(Linear), "taylor": Entry(Taylor), **sigma.MOMENTS}
+WEIGHTS: dict[str, Entry] = {
+    "none": Entry(Plain),
+    "huber": Entry(Huber, paper="aladkf-2020", equations="(9)-(11)"),
+    "least_absolute": Entry(LeastAbsolute, paper="aladkf-2020", equations="(37)-(38)"),
+    "correntropy": Entry(correntropy.Correntropy, paper="fpmcs-2024", equations="(2), (6)"),
+    **nrukf.WEIGHTS,
+}
+SCHEMES: dict[str, Entry] = {**schemes.SCHEMES, **flow.SCHEMES, "joseph": Entry(joseph.Joseph, paper="fpmcs-2024", equations="(6)"), **nrukf.SCHEMES}
+_PARTS = {"moments": (MOMENTS, "moment rule"), "weight": (WEIGHTS, "robust weight"), "update": (SCHEMES, "update scheme")}
+
+
+def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
+    """The filter that a name with parameters, `{use: name, **parameters}`, `{name: {**parameters}}` or `{moments:, weight:, update:}` describes.
+
+    Raises SpecError with the path of each fault.
+    """
+    if isinstance(spec, str):
+        return _make(FILTERS, "filter", spec, params)
+    description = {**spec, **params}
+    if "use" in description:
+        name = description.pop("use")
+        return _make(FILTERS, "filter", name, description, at="use")
+    if len(description) == 1 and (name := next(iter(description))) in FILTERS and isinstance(description[name], Mapping):
+        try:
+            return _make(FILTERS, "filter", name, description[name])
+        except SpecError as error:
+            raise error.under(name) from None
+    if not description or description.keys() - _PARTS.keys():
+        unknown = sorted(description.keys() - _PARTS.keys())
+        raise SpecError("a filter is a name, {use: name, ...} or {moments:, weight:, update:}", unknown[:1])
+    return GaussianFilter(**{part: _part(part, value) for part, value in description.items()})
+
+
+def _make(catalogue: Mapping[str, Entry], what: str, name: Any, params: Mapping[str, Any], at: str = "") -> Any:
+    if name not in catalogue and at:
+        try:
+            return _build(catalogue, what, name, params)
+        except SpecError as error:
+            raise error.under(at) from None
+    return _build(catalogue, what, name, params)
+
+
+def _part(part: str, value: Any) -> Any:
+    """A part written as `name` or `{name: {parameters}}`."""
+    catalogue, what = _PARTS[part]
+    if isinstance(value, Mapping) and len(value) == 1:
+        name, params = next(iter(value.items()))
+    else:
+        name, params = value, {}
+    try:
+        return _build(catalogue, what, name, params or {})
+    except SpecError as error:
+        raise error.under(part, *([name] if params and isinstance(name, str) else [])) from None

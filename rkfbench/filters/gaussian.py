@@ -1,0 +1,67 @@
+"""One family of Gaussian filters: a choice of moments, a robust weight and an update scheme.
+
+    predict   x, P        <- moments of f at (x, P), + Q
+    update    z, Szz, Pxz <- moments of h at (x, P);  nu = y - z
+              D, R', nu'  <- weight(nu, y - h(x), R, Szz)
+              S = D Szz D + R';  K = Pxz D S^-1;  x <- x + K nu';  P <- P - K S K'
+
+KF, EKF, UKF, HKF, ALADKF ... are names for such choices; combinations that no paper tried need no code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from rkfbench.filters import recursion
+from rkfbench.filters.base import Estimate, Known, Posterior
+from rkfbench.filters.moments import Moments, Taylor
+from rkfbench.filters.schemes import Once, Scheme
+from rkfbench.filters.weights import Plain, Weight
+from rkfbench.linalg import Array
+from rkfbench.models import Model
+from rkfbench.streams import Streams
+
+
+@dataclass(frozen=True)
+class GaussianFilter:
+    """A member of the family; without arguments the (extended) Kalman filter."""
+
+    moments: Moments = field(default_factory=Taylor)
+    weight: Weight = field(default_factory=Plain)
+    update: Scheme = field(default_factory=Once)
+
+    @property
+    def sees(self) -> frozenset[str]:
+        """Names of the histories that `run` can keep."""
+        return recursion.SEES | self.weight.sees | getattr(self.update, "sees", frozenset())
+
+    def check(self, model: Model) -> None:
+        """SpecError if the filter cannot run on this model."""
+        self.moments.check(model)
+
+    def predict(self, model: Model, x: Array, P: Array, k: int, Q: Array) -> tuple[Array, ...]:
+        """Mean and covariance of f(x) + w, and the points that the moments hand over to the update, if any."""
+        x, P, *points = self.moments.propagate(model, x, P, k)
+        return x, P + Q, *points
+
+    def correct(self, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *points: Array) -> Posterior:
+        """The update with y (m, M)."""
+        return self.update(self.moments.at(x, *points), self.weight, model, x, P, y, k, R)
+
+    def run(
+        self,
+        model: Model,
+        y: Array,
+        x0: Array,
+        P0: Array,
+        *,
+        Q: Array,
+        R: Array,
+        keep: Collection[str] = ("cov",),
+        known: Known | None = None,
+        streams: Streams | None = None,
+    ) -> Estimate:
+        """The estimates; see `rkfbench.filters.base.Filter`."""
+        self.check(model)
+        return recursion.run(self, model, y, x0, P0, Q, R, keep)

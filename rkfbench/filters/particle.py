@@ -1,0 +1,284 @@
+"""Bootstrap particle filter, and the smoother of one point that carries a copy of x_j along with each particle. All details are ours.
+
+Particles (n, M, N) move with the model and the law of the process noise; log weights add the log likelihood; where the effective sample size 1/sum W^2 falls
+below a share of N, systematic resampling. A group of 128 runs goes through alone, with streams of its own, so memory grows neither with the steps nor with the runs,
+and no number depends on how many runs there are. A run whose weights all vanish has failed; its neighbours are not touched.
+
+Pitfall: a resampled copy of x_j can only die out. The number of distinct copies is part of the result (`distinct`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, Interval
+
+from rkfbench.errors import SpecError
+from rkfbench.filters.base import Estimate, Known, Setting
+from rkfbench.filters.recursion import History, prepare
+from rkfbench.filters.smoothing import SEES, At, Lag, Start, ends, point
+from rkfbench.linalg import Array
+from rkfbench.models import Model
+from rkfbench.noise import Gaussian, Law
+from rkfbench.noise.matrices import factor
+from rkfbench.streams import GROUP, Onward, Streams
+
+Particles = Annotated[int, Ge(2), "number of particles"]
+Likelihood = Annotated[Literal["law", "gauss"], "density of the measurement noise: the true law without shots, or N(0, R)"]
+Ess = Annotated[float, Interval(ge=0, le=1), "resample where the effective sample size is below this share of the particles"]
+
+
+@dataclass(frozen=True)
+class ParticleFilter:
+    """Bootstrap particle filter; without a law of the noise it takes N(0, Q) and N(0, R)."""
+
+    particles: int = 500
+    likelihood: Likelihood = "law"
+    ess: float = 0.5
+    process: Law | None = None
+    measurement: Law | None = None
+
+    @property
+    def sees(self) -> frozenset[str]:
+        """Names of the histories that `run` can keep."""
+        return frozenset({"cov", "prior_mean", "prior_cov", "ess"})
+
+    def placed(self, setting: Setting) -> ParticleFilter:
+        """The filter with the laws of an experiment."""
+        told = replace(self, process=self.process or setting.process, measurement=self.measurement or setting.measurement)
+        if self.likelihood == "law":
+            check_density(told.measurement)
+        return told
+
+    def fixed_point(self, at: int | None, lag: int | None, start: Start = "j") -> ParticleSmoother:
+        """The smoother of one point with these particles."""
+        if start != "j":
+            raise SpecError("particles always use y_j", ["start"])
+        return ParticleSmoother(self, at, lag)
+
+    def run(
+        self,
+        model: Model,
+        y: Array,
+        x0: Array,
+        P0: Array,
+        *,
+        Q: Array,
+        R: Array,
+        keep: Collection[str] = ("cov",),
+        known: Known | None = None,
+        streams: Streams | None = None,
+    ) -> Estimate:
+        """The weighted means; see `rkfbench.filters.base.Filter`."""
+        estimates = []
+        for cloud, yg in self.clouds(model, y, x0, P0, Q, R, streams):
+            history = History(keep)
+            with np.errstate(all="ignore"):
+                for k, yk in enumerate(yg, 1):
+                    cloud.predict(k)
+                    history.add(**cloud.moments({"prior_mean", "prior_cov"} & {*keep}, "prior_"))
+                    cloud.weigh(yk, k)
+                    history.add(ess=cloud.size[None], **cloud.moments({"mean", "cov"} & {"mean", *keep}))
+                    cloud.resample()
+            estimates.append(history.estimate(failed=cloud.dead, width=yg.shape[2]))
+        return _joined(estimates)
+
+    def clouds(
+        self, model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, streams: Streams | None
+    ) -> Iterator[tuple[_Cloud, Array]]:
+        """The particles at k = 0 and the measurements of one group of runs after the other."""
+        y, x0, P0, Q, R = prepare(model, y, x0, P0, Q, R)
+        if {Q.shape[2:], R.shape[2:], P0.shape[2:]} != {(1,)}:
+            raise SpecError("a particle filter takes one P0, Q and R for all runs and steps")
+        M = y.shape[2]
+        streams = (streams or Streams(0, groups=-(-M // GROUP))).within("particles")
+        process = self.process or Gaussian.of(Q[..., 0])
+        measurement = self.measurement if self.measurement and self.likelihood == "law" else Gaussian.of(R[..., 0])
+        for g, start in enumerate(range(0, M, GROUP)):
+            runs = slice(start, min(start + GROUP, M))
+            mean = x0[:, runs]
+            draw = Onward(streams.seed, streams.first + g, 1, streams.scope, mean.shape[1] * self.particles)
+            yield _Cloud(model, process, measurement, draw, mean, factor(P0[..., 0]), self.particles, self.ess), y[..., runs]
+
+
+@dataclass(frozen=True)
+class ParticleSmoother:
+    """Augmented-state particle smoother: the particles' own x_j, weighted by all measurements up to j + t, t = 0 .. lag."""
+
+    filter: ParticleFilter
+    at: int | None = None
+    lag: int | None = None
+
+    @property
+    def sees(self) -> frozenset[str]:
+        """Names of the histories that `run` can keep; `distinct` is the number of distinct copies of x_j."""
+        return SEES | {"distinct"}
+
+    @property
+    def target(self) -> int | None:
+        """The step j."""
+        return self.at
+
+    def placed(self, setting: Setting) -> ParticleSmoother:
+        """The smoother at the point of an experiment, with its laws."""
+        at, lag = point(self.at, self.lag, setting)
+        return replace(self, filter=self.filter.placed(setting), at=at, lag=lag)
+
+    def run(
+        self,
+        model: Model,
+        y: Array,
+        x0: Array,
+        P0: Array,
+        *,
+        Q: Array,
+        R: Array,
+        keep: Collection[str] = ("cov",),
+        known: Known | None = None,
+        streams: Streams | None = None,
+    ) -> Estimate:
+        """The estimates of x_j: mean (lag + 1, n, M); see `rkfbench.filters.base.Filter`."""
+        at, lag = ends(self.at, self.lag, len(y))
+        covs = bool({"cov", "prior_cov", "post_cov"} & {*keep})
+        estimates = []
+        for cloud, yg in self.filter.clouds(model, y, x0, P0, Q, R, streams):
+            history, own = History({*keep} & {"cov", "distinct"}), {}
+            with np.errstate(all="ignore"):
+                for k, yk in enumerate(yg[: at + lag], 1):
+                    cloud.predict(k)
+                    if k == at:
+                        own = cloud.moments({"prior_mean"} | ({"prior_cov"} if covs else set()), "prior_")
+                        cloud.remember()
+                    cloud.weigh(yk, k)
+                    if k >= at:
+                        seen = cloud.moments({"mean"} | ({"cov"} if covs else set()), of=cloud.copy)
+                        own = own | {f"post_{name}": value for name, value in seen.items()} if k == at else own
+                        history.add(distinct=cloud.distinct[None], **seen)
+                    cloud.resample()
+            estimate = history.estimate(failed=cloud.dead, width=yg.shape[2])
+            extras = {name: value[None] for name, value in own.items()}
+            estimates.append(replace(estimate, target=at, extras={**estimate.extras, **extras}))
+        return _joined(estimates)
+
+
+class _Cloud:
+    """The particles of one group of runs: x (n, M, N) with log weights (M, N), and the copies of x_j from step j on."""
+
+    def __init__(
+        self, model: Model, process: Law, measurement: Law, draw: Onward, mean: Array, L0: Array, particles: int, ess: float
+    ) -> None:
+        self.model, self.process, self.measurement, self.draw = model, process, measurement, draw
+        n, M = mean.shape
+        self.particles, self.threshold = particles, ess * particles
+        self.x = mean[..., None] + (L0 @ draw.normal("start", n)).reshape(n, M, particles)
+        self.copy: Array | None = None
+        self.log = np.zeros((M, particles))
+        self.weights = np.full((M, particles), 1 / particles)
+        self.size = np.full(M, float(particles))
+        self.dead = np.zeros(M, dtype=bool)
+        self.offset = Onward(draw.seed, draw.first, 1, draw.scope, M)
+
+    def predict(self, k: int) -> None:
+        """Move every particle with noise of its own."""
+        w = self.process.sample(self.draw.within("process"), 1).value  # type: ignore[arg-type]
+        self.x = self.model.f(self.x, k)
+        self.x += w.reshape(self.x.shape)
+
+    def remember(self) -> None:
+        """Copy x_j."""
+        self.copy = self.x.copy()
+
+    def weigh(self, y: Array, k: int) -> None:
+        """Multiply the weights by the likelihood of y (m, M); a missing component says nothing."""
+        e = self.model.residual(y[..., None], self.model.h(self.x, k))
+        self.log += self._likelihood(e, ~np.isnan(y))
+        top = self.log.max(-1)
+        self.dead |= ~np.isfinite(top) | ~np.isfinite(self.x).all((0, 2))
+        self.log -= np.where(self.dead, 0.0, top)[:, None]
+        W = np.exp(self.log)
+        W /= W.sum(-1, keepdims=True)
+        if self.dead.any():
+            W[self.dead] = np.nan
+        self.weights, self.size = W, 1 / np.einsum("mp,mp->m", W, W)
+
+    def _likelihood(self, e: Array, observed: np.ndarray) -> Array:
+        if observed.all():
+            return self.measurement.logpdf(e)
+        total = np.zeros(e.shape[1:])
+        patterns, which = np.unique(observed, axis=1, return_inverse=True)
+        for i, pattern in enumerate(patterns.T):
+            runs, rows = np.flatnonzero(which.reshape(-1) == i), np.flatnonzero(pattern)
+            if len(rows):
+                law: Any = self.measurement if pattern.all() else self.measurement.marginal(rows)  # type: ignore[attr-defined]
+                total[runs] = law.logpdf(e[np.ix_(rows, runs)])
+        return total
+
+    def moments(self, names: Collection[str], prefix: str = "", of: Array | None = None) -> dict[str, Array]:
+        """Weighted mean (n, M) and covariance (n, n, M) of the particles, or of their copies of x_j; those that are named."""
+        x = self.x if of is None else of
+        found = {}
+        if {f"{prefix}mean", f"{prefix}cov"} & {*names}:
+            found[f"{prefix}mean"] = mean = np.einsum("imp,mp->im", x, self.weights)
+            if f"{prefix}cov" in names:
+                d = x - mean[..., None]
+                found[f"{prefix}cov"] = np.matmul((d * self.weights).transpose(1, 0, 2), d.transpose(1, 2, 0)).transpose(1, 2, 0)
+        return found
+
+    @property
+    def distinct(self) -> Array:
+        """How many different copies of x_j are left, (M,): resampling keeps equal ones side by side."""
+        if self.copy is None:
+            return np.zeros(len(self.log))
+        return 1.0 + np.count_nonzero(np.diff(self.copy[0], axis=-1), axis=-1)
+
+    def resample(self) -> None:
+        """Systematic resampling of the runs whose effective sample size is small: ceil(N cumsum(W) - u) particles up to each one."""
+        u = self.offset.uniform("offset")
+        runs = np.flatnonzero((self.size < self.threshold) & ~self.dead)
+        if not len(runs):
+            return
+        upto = np.cumsum(self.weights[runs], axis=-1)
+        upto = np.ceil(self.particles * upto - u[runs, None]).astype(np.intp).clip(0, self.particles)
+        upto[:, -1] = self.particles
+        chosen = np.repeat(np.tile(np.arange(self.particles), len(runs)), np.diff(upto, axis=-1, prepend=0).ravel())
+        chosen = chosen.reshape(len(runs), self.particles)
+        for A in (self.x,) if self.copy is None else (self.x, self.copy):
+            for each in A:
+                each[runs] = each[runs[:, None], chosen]
+        self.log[runs] = 0.0
+        self.weights[runs] = 1 / self.particles
+
+
+def pf(particles: Particles = 500, likelihood: Likelihood = "law", ess: Ess = 0.5) -> ParticleFilter:
+    """Bootstrap particle filter: x_i <- f(x_i) + w_i, weights by the likelihood of y, systematic resampling; the weighted mean."""
+    return ParticleFilter(particles, likelihood, ess)
+
+
+def ps(particles: Particles = 500, likelihood: Likelihood = "law", ess: Ess = 0.5, at: At = None, lag: Lag = None) -> ParticleSmoother:
+    """Augmented-state particle smoother: the weighted mean of the copies of x_j that the particles carry along."""
+    return ParticleSmoother(pf(particles, likelihood, ess), at, lag)
+
+
+def check_density(law: Law | None) -> None:
+    """SpecError unless the law has a density that can weigh particles."""
+    if law is None:
+        return
+    try:
+        with np.errstate(all="ignore"):
+            density = law.logpdf(np.ones((law.dim, 1)))
+    except np.linalg.LinAlgError:
+        density = np.array([np.nan])
+    if not np.isfinite(density).all():
+        raise SpecError("the measurement noise has no density that could weigh particles (a variance of 0?)", ["likelihood"])
+
+
+def _joined(estimates: list[Estimate]) -> Estimate:
+    """The estimates of all groups, side by side."""
+    first = estimates[0]
+    cov = None if first.cov is None else np.concatenate([each.cov for each in estimates if each.cov is not None], axis=-1)
+    extras = {name: np.concatenate([each.extras[name] for each in estimates], axis=-1) for name in first.extras}
+    mean, failed = (np.concatenate([getattr(each, name) for each in estimates], axis=-1) for name in ("mean", "failed"))
+    return Estimate(mean, cov, failed, extras, first.target)

@@ -1,0 +1,138 @@
+"""Numerical conditioning of the innovation covariance S, eqs (42)-(58) of the ALADKF paper, and the Huber factors
+behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rkfbench.filters.base import Estimate
+from rkfbench.linalg import Array, batched, cond
+from rkfbench.metrics.base import Each, Trial, outliers
+
+Which = Literal["all", "outlier", "clean", "worse"]
+
+
+@dataclass(frozen=True)
+class ConditionS(Each):
+    """Condition number of S in the 2-norm: largest over smallest eigenvalue of (42)-(44)."""
+
+    keep: ClassVar[frozenset[str]] = frozenset({"S"})
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        return condition_of(trial.estimate)
+
+
+@dataclass(frozen=True)
+class DigitsLost(ConditionS):
+    """Decimal digits that solving with S may lose: log10 cond(S)."""
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        return np.log10(super().__call__(trial, states))
+
+
+@dataclass(frozen=True)
+class ConditionTopLambda(Each):
+    """cond(S) at the steps of each run at which the factor lambda of the filter `by` is largest."""
+
+    by: str = "aladkf"
+    count: int = 25
+    keep: ClassVar[frozenset[str]] = frozenset({"S"})
+
+    @property
+    def partners(self) -> Mapping[str, frozenset[str]]:  # type: ignore[override]
+        return {self.by: frozenset({"lambda"})}
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        size = trial.others[self.by].extras["lambda"][:, 0]
+        return at_largest(condition_of(trial.estimate), size, self.count)
+
+
+@dataclass(frozen=True)
+class ConditionRatioTopPsi(Each):
+    """cond(S) over that of the filter `over`, at the steps of each run at which cond(Psi) is largest."""
+
+    over: str = "kf"
+    count: int = 25
+    keep: ClassVar[frozenset[str]] = frozenset({"S", "inflation"})
+
+    @property
+    def partners(self) -> Mapping[str, frozenset[str]]:  # type: ignore[override]
+        return {self.over: frozenset({"S"})}
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        ratio = condition_of(trial.estimate) / condition_of(trial.others[self.over])
+        return at_largest(ratio, psi_condition(trial.estimate), self.count)
+
+
+@dataclass(frozen=True)
+class Premise(Each):
+    """1 where (46) holds: cond(Psi^(-1/2)) = sqrt(max Phi/min Phi) >= cond(R), else 0; NaN at the steps left out.
+
+    Steps: all, those with an outlier, the clean ones, or those at which cond(S) is worse than that of the filter
+    `than`.
+    """
+
+    which: Which = "all"
+    than: str = "kf"
+    keep: ClassVar[frozenset[str]] = frozenset({"S", "inflation"})
+
+    @property
+    def partners(self) -> Mapping[str, frozenset[str]]:  # type: ignore[override]
+        return {self.than: frozenset({"S"})} if self.which == "worse" else MappingProxyType({})
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        holds = premise(trial)
+        if self.which == "worse":
+            return np.where(worse(trial, self.than), holds, np.nan)
+        if self.which == "all":
+            return holds.astype(float)
+        return np.where(outliers(trial) == (self.which == "outlier"), holds, np.nan)
+
+
+@dataclass(frozen=True)
+class WorseGivenPremise(Each):
+    """1 where cond(S) is worse than that of the filter `than`, else 0; NaN at the steps where (46) does not hold."""
+
+    than: str = "kf"
+    keep: ClassVar[frozenset[str]] = frozenset({"S", "inflation"})
+
+    @property
+    def partners(self) -> Mapping[str, frozenset[str]]:  # type: ignore[override]
+        return {self.than: frozenset({"S"})}
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        return np.where(premise(trial), worse(trial, self.than), np.nan)
+
+
+def condition_of(estimate: Estimate) -> Array:
+    """cond(S) at all steps, (T, M or 1)."""
+    return cond(np.moveaxis(estimate.extras["S"], 0, 2))
+
+
+def psi_condition(estimate: Estimate) -> Array:
+    """cond(Psi) = max Phi/min Phi of the Huber factors, (T, M)."""
+    inflation = estimate.extras["inflation"]
+    return inflation.max(1) / inflation.min(1)
+
+
+def premise(trial: Trial) -> NDArray[np.bool_]:
+    """Where (46) holds, (T, M)."""
+    return np.sqrt(psi_condition(trial.estimate)) >= cond(batched(trial.experiment.R))[0]
+
+
+def worse(trial: Trial, than: str) -> NDArray[np.bool_]:
+    """Where cond(S) exceeds that of another filter, (T, M)."""
+    return condition_of(trial.estimate) > condition_of(trial.others[than])
+
+
+def at_largest(values: Array, size: Array, count: int) -> Array:
+    """The values (count, M) at the `count` steps of each run at which `size` (T, M) is largest."""
+    steps = np.argsort(-size, axis=0, kind="stable")[:count]
+    return np.take_along_axis(np.broadcast_to(values, size.shape), steps, axis=0)

@@ -1,0 +1,57 @@
+"""Numbers from what a filter shows of itself: factors, weights, standardised residuals, last changes of an iteration.
+
+The history is named in the metric, `mean_of(name=u_beta)` or `share_below(name=alpha, component=A, limit=1)`, and a filter that does not keep it has no such
+number. A history with several components is taken as the smallest of them (a share), or as their mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.linalg import Array
+from rkfbench.metrics.base import Each, Trial
+
+
+@dataclass(frozen=True)
+class Shown(Each):
+    """A kept history (T, d, M), or one component of it, by the name of the measurement or state."""
+
+    name: str = ""
+    component: str = ""
+
+    @property
+    def keep(self) -> frozenset[str]:  # type: ignore[override]
+        return frozenset({self.name})
+
+    def values(self, trial: Trial) -> Array:
+        """The history with the components wanted, (T, d or 1, M)."""
+        values = trial.estimate.extras[self.name]
+        if not self.component:
+            return values
+        model = trial.experiment.model
+        names = next((each for each in (model.measurements, model.states) if len(each) == values.shape[1]), ())
+        if self.component not in names:
+            raise SpecError(f"'{self.name}' has no component '{self.component}'{did_you_mean(self.component, names)}")
+        return values[:, [names.index(self.component)]]
+
+
+@dataclass(frozen=True)
+class MeanOf(Shown):
+    """The mean over the components."""
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        return np.asarray(self.values(trial).mean(1))
+
+
+@dataclass(frozen=True)
+class Below(Shown):
+    """1 where the smallest component lies below the limit, else 0."""
+
+    limit: float = 1.0
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        return np.asarray((self.values(trial) < self.limit).any(1).astype(float))

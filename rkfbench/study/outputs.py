@@ -1,0 +1,138 @@
+"""From finished blocks to the tables of a results folder.
+
+Blocks are read case by case and in their order, so the bytes depend neither on the order in which blocks were finished
+nor on the engine, and the memory holds one filter of one case at a time.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rkfbench import metrics
+from rkfbench.store import blocks, files
+from rkfbench.store.blocks import Curve, Part
+from rkfbench.store.results import KEYS
+from rkfbench.study import plan
+from rkfbench.study.plan import Unit
+from rkfbench.study.summary import along, summarise
+
+if TYPE_CHECKING:
+    from rkfbench.scenario import Cell, Scenario
+
+STATISTICS = ("mean", "se", "sd", "median", "q05", "q95")
+
+
+@dataclass(frozen=True)
+class Finished:
+    """The units of one cell, in order, and those of its filters that are finished in all of them."""
+
+    cell: Cell
+    units: tuple[Unit, ...]
+    labels: tuple[str, ...]
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """The leading columns of its rows: reading, case and the point of the sweep."""
+        return {"reading": plan.reading(self.cell), "case": self.cell.case, **self.cell.point}
+
+
+def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> None:
+    """Write scenario.yaml, filters.csv, summary.csv, series.csv and runs.csv."""
+    import yaml
+
+    text = yaml.safe_dump(scenario.resolved, sort_keys=False, allow_unicode=True, width=120)
+    files.write(folder / "scenario.yaml", text)
+    _write_filters(folder / "filters.csv", finished)
+
+    sweep = list(dict.fromkeys(column for each in finished for column in each.cell.point))
+    series: list[dict[str, Any]] = []
+    summary = list(_summary(finished, series))
+    statistics = ("runs", "failed", "lost", *STATISTICS)
+    files.write_records(folder / "summary.csv", ["reading", "case", *sweep, "filter", "metric", *statistics], summary)
+    files.write_records(
+        folder / "series.csv", ["reading", "case", "filter", "metric", "k", "mean", "se", "median"], series
+    )
+    names = list(dict.fromkeys(row["metric"] for row in summary))
+    files.write_csv(folder / "runs.csv", [*KEYS, *names], _runs(finished, names))
+
+
+def _summary(finished: Sequence[Finished], series: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """The rows of summary.csv; those of series.csv are appended to `series` on the way."""
+    for each in finished:
+        for label in each.labels:
+            part = _whole(each.units, label)
+            identity = {**each.identity, "filter": label}
+            counts = {"runs": len(part.failed), "failed": int(part.failed.sum()), "lost": int(part.lost.sum())}
+            for metric, values in part.values.items():
+                there = ~part.lost if metrics.get(metric).tracking else slice(None)
+                row = summarise(values[there], part.failed[there], _is_root(metric))
+                yield {**identity, "metric": metric, **counts, **row}
+            for metric, curve in part.curves.items():
+                series.extend({**identity, "metric": metric, **row} for row in along(curve, _is_root(metric)))
+
+
+def _whole(units: Sequence[Unit], label: str) -> Part:
+    """One filter over all blocks of a cell."""
+    parts = [blocks.read(unit.path, {label})[label] for unit in units]
+    curves: dict[str, Curve] = dict(parts[0].curves)
+    for part in parts[1:]:
+        curves = {metric: curve.merge(part.curves[metric]) for metric, curve in curves.items()}
+    return Part(
+        np.concatenate([part.failed for part in parts]),
+        np.concatenate([part.lost for part in parts]),
+        {metric: np.concatenate([part.values[metric] for part in parts]) for metric in parts[0].values},
+        curves,
+    )
+
+
+def _runs(finished: Sequence[Finished], names: Sequence[str]) -> Iterator[list[Any]]:
+    """The rows of runs.csv: case after case, run after run, filter after filter."""
+    for each in finished:
+        reading, case = plan.reading(each.cell), each.cell.case
+        for unit in each.units:
+            parts = blocks.read(unit.path, set(each.labels))
+            tables = {label: _table(parts[label], names) for label in each.labels}
+            for run in range(unit.first, unit.last):
+                for label in each.labels:
+                    yield [reading, case, run, label, *tables[label][run - unit.first]]
+
+
+def _table(part: Part, names: Sequence[str]) -> list[tuple[Any, ...]]:
+    """Per run: failed, lost and the metrics `names` (None for one that this filter does not have)."""
+    absent = [None] * len(part.failed)
+    columns = (part.values[name].tolist() if name in part.values else absent for name in names)
+    return list(zip(part.failed.astype(int).tolist(), part.lost.astype(int).tolist(), *columns, strict=True))
+
+
+def _write_filters(path: Path, finished: Sequence[Finished]) -> None:
+    """One row for each label; one more where a case or a reading gives the label other parameters."""
+    rows: dict[str, dict[str, Any]] = {}
+    for each in finished:
+        for spec in each.cell.spec["filters"]:
+            if spec["label"] in each.labels:
+                row = {"label": spec["label"], **dict(_parameters(spec))}
+                rows.setdefault(json.dumps(row), row)
+    columns = list(dict.fromkeys(["label", "name", *(column for row in rows.values() for column in row)]))
+    labels = list(dict.fromkeys(row["label"] for row in rows.values()))
+    files.write_records(path, columns, sorted(rows.values(), key=lambda row: labels.index(row["label"])))
+
+
+def _parameters(spec: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """The parameters of a filter with nested ones under dotted names: weight.huber.threshold."""
+    for key, value in spec.items():
+        if prefix or key not in ("label", "extra", "timing"):
+            column = "name" if key == "use" and not prefix else prefix + key
+            if isinstance(value, Mapping):
+                yield from _parameters(value, f"{column}.")
+            else:
+                yield column, json.dumps(value) if isinstance(value, list) else value
+
+
+def _is_root(metric: str) -> bool:
+    return metrics.get(metric).statistic == "root_mean"

@@ -1,0 +1,73 @@
+"""Computing times: each filter alone on simulated data, repeats interleaved between the filters, one BLAS thread.
+
+Two forms. `time_ms`: one run by itself, ms per run of T steps, comparable with what papers print. `time_ns`: a batch
+of 128 runs, ns per run and step. Only the filter is timed: no random numbers, no metrics, no histories. Clock values
+are never byte-compared and decide no exit code.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rkfbench.experiment import Experiment, World
+from rkfbench.linalg import Array
+from rkfbench.streams import Streams
+
+REPEATS = 10
+STEPS_ALONE, STEPS_BATCH = (
+    100,
+    40,
+)  # the first steps are timed and scaled: the cost of a step does not change along a run
+
+
+@dataclass(frozen=True)
+class Time:
+    """One measurement; metric is time_ms or time_ns."""
+
+    case: str
+    repeat: int
+    filter: str
+    metric: str
+    value: float
+
+
+def measure(case: str, spec: Mapping[str, Any], seed: int, labels: Sequence[str]) -> Iterator[Time]:
+    """Times of the filters `labels` in the case that `spec` describes; a first round warms up and is not counted."""
+    experiment = Experiment.of(spec)
+    world = experiment.simulate(Streams(seed))
+    T = experiment.steps
+    forms = {
+        "time_ms": (slice(0, 1), min(T, STEPS_ALONE), T * 1e3),
+        "time_ns": (slice(None), min(T, STEPS_BATCH), 1e9 / world.y.shape[2]),
+    }
+    for repeat in range(-1, REPEATS):
+        for metric, (runs, steps, scale) in forms.items():
+            for label in labels:
+                seconds = _seconds(experiment, world, label, runs, steps)
+                if repeat >= 0:
+                    yield Time(case, repeat, label, metric, seconds / steps * scale)
+
+
+def _seconds(experiment: Experiment, world: World, label: str, runs: slice, steps: int) -> float:
+    filt, told = experiment.filters[label]
+
+    def cut(A: Array) -> Array:
+        return A[:steps] if A.ndim == 4 else A
+
+    y, x0 = world.y[:steps, :, runs], world.x0[:, runs]
+    begin = time.perf_counter()
+    filt.run(
+        experiment.assumed_model,
+        y,
+        x0,
+        told.P0,
+        Q=cut(told.Q),
+        R=cut(told.R),
+        keep=(),
+        known=world.known.of(runs),
+        streams=Streams(0),
+    )
+    return time.perf_counter() - begin

@@ -1,0 +1,45 @@
+"""Tuning runs: the same cases with a seed of their own, on which the best of several filters is chosen.
+
+What is chosen there is judged on the study's own runs, so a choice never profits from the runs that judge it. The
+tuning runs are a small study inside the results folder, with only the candidates and only the metric of the choice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rkfbench.store.manifest import TUNING
+from rkfbench.study.engines import Engine
+from rkfbench.study.run import Outcome, Report, run_study
+
+if TYPE_CHECKING:
+    from rkfbench.scenario import Cell, Scenario
+
+SEED_STEP = 1_000_003  # from the seed of the study to that of its tuning runs
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Filters to choose from, by label, and the metric to choose by."""
+
+    candidates: tuple[str, ...]
+    metric: str
+
+
+def update(
+    scenario: Scenario, choices: Collection[Choice], folder: Path, *, fresh: bool, engine: Engine, report: Report
+) -> Outcome:
+    """Bring the tuning runs below `folder` up to date."""
+    labels = {label for choice in choices for label in choice.candidates}
+    metrics = sorted({choice.metric for choice in choices})
+
+    def narrowed(cell: Cell) -> Cell:
+        filters = [each for each in cell.spec["filters"] if each["label"] in labels]
+        return replace(cell, spec={**cell.spec, "filters": filters, "metrics": metrics})
+
+    cells = tuple(narrowed(cell) for cell in scenario.cells)
+    tuning = replace(scenario, seed=scenario.seed + SEED_STEP, cells=cells, sensitivity=())
+    return run_study(tuning, folder / TUNING, full=True, fresh=fresh, engine=engine, report=report)

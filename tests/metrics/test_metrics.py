@@ -1,0 +1,216 @@
+"""Metrics of one block against their definitions, run by run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+from rkfbench import metrics
+from rkfbench.errors import SpecError
+from rkfbench.experiment import Experiment
+from rkfbench.filters.weights import Huber, LeastAbsolute, Plain
+from rkfbench.metrics import METRICS, Trial
+from rkfbench.metrics.influence import influence, window, xi_of
+from rkfbench.metrics.objective import minimise
+from rkfbench.streams import Streams
+from tests.contract import SPECS
+from tests.oracles import linear as oracle
+
+SPEC = {
+    **SPECS["navigation"],
+    "steps": 60,
+    "filters": [{"label": name, "use": name} for name in ("kf", "hkf", "aladkf", "clairvoyant_kf")],
+    "metrics": ["rmse"],
+}
+EXPERIMENT = Experiment.of(SPEC)
+WORLD = EXPERIMENT.simulate(Streams(6))
+KEEP = {"kf": ("S",), "hkf": ("S", "inflation"), "aladkf": ("S", "lambda"), "clairvoyant_kf": ("S",)}
+TOLD = {"P0": EXPERIMENT.told.P0, "Q": EXPERIMENT.told.Q, "R": EXPERIMENT.told.R}
+ESTIMATES = {
+    label: filt.run(EXPERIMENT.model, WORLD.y, WORLD.x0, **TOLD, keep=KEEP[label], known=WORLD.known)
+    for label, (filt, _) in EXPERIMENT.filters.items()
+}
+
+
+def measure(name, label):
+    return metrics.get(name)(Trial(EXPERIMENT, WORLD, EXPERIMENT.filters[label][0], ESTIMATES[label], ESTIMATES))
+
+
+def errors(label):
+    return ESTIMATES[label].mean - WORLD.x
+
+
+def test_error_metrics_are_what_they_say():
+    e = errors("hkf")
+    np.testing.assert_allclose(measure("err_norm", "hkf"), np.linalg.norm(e, axis=1).mean(0))
+    np.testing.assert_allclose(measure("err_norm[px,vx]", "hkf"), np.linalg.norm(e[:, [0, 2]], axis=1).mean(0))
+    np.testing.assert_allclose(measure("rmse", "hkf"), np.sqrt((e**2).sum(1).mean(0)))
+    np.testing.assert_allclose(measure("rmse[vy]@11..40", "hkf"), np.sqrt((e[10:40, 3] ** 2).mean(0)))
+    np.testing.assert_allclose(measure("mse[py]@7", "hkf"), e[6, 1] ** 2)
+    np.testing.assert_allclose(measure("max_error", "hkf"), np.abs(e).max((0, 1)))
+    np.testing.assert_allclose(measure("err_norm@k", "hkf"), np.linalg.norm(e, axis=1))
+    assert metrics.get("rmse@k").statistic == "root_mean"
+    np.testing.assert_allclose(measure("rmse@k", "hkf"), (e**2).sum(1))
+    assert metrics.get("pooled_rmse").statistic == "root_mean"
+    np.testing.assert_allclose(measure("pooled_rmse", "hkf"), (e**2).sum(1).mean(0))
+
+
+def test_condition_numbers_equal_numpys():
+    for label in ESTIMATES:
+        S = np.broadcast_to(ESTIMATES[label].extras["S"], (60, 3, 3, 128)).transpose(0, 3, 1, 2)
+        expected = np.linalg.cond(S)
+        np.testing.assert_allclose(measure("cond_S", label), expected.mean(0), rtol=1e-9)
+        np.testing.assert_allclose(measure("cond_S_max", label), expected.max(0), rtol=1e-9)
+        np.testing.assert_allclose(measure("cond_S_digits", label), np.log10(expected.max(0)), rtol=1e-9)
+
+
+def conditions(label):
+    return np.linalg.cond(np.broadcast_to(ESTIMATES[label].extras["S"], (60, 3, 3, 128)).transpose(0, 3, 1, 2))
+
+
+def test_shares_of_46_by_kind_of_step():
+    phi = 1 / ESTIMATES["hkf"].extras["inflation"]
+    holds = np.sqrt(phi.max(1) / phi.min(1)) >= np.linalg.cond(EXPERIMENT.R)
+    flags, worse = WORLD.v.flags, conditions("hkf") > conditions("kf")
+    for name, which in (("all", np.ones_like(flags)), ("outlier", flags), ("clean", ~flags), ("worse", worse)):
+        np.testing.assert_allclose(measure(f"share_46(steps={name})", "hkf"), share(holds, which))
+    np.testing.assert_allclose(measure("share_worse_given_46", "hkf"), share(worse, holds))
+
+
+def share(what, among):
+    """NaN in a run where there is nothing to take a share of."""
+    with np.errstate(invalid="ignore"):
+        return (what & among).sum(0) / among.sum(0)
+
+
+def test_metrics_at_the_steps_with_the_largest_factors():
+    lam = ESTIMATES["aladkf"].extras["lambda"][:, 0]
+    psi = ESTIMATES["hkf"].extras["inflation"].max(1) / ESTIMATES["hkf"].extras["inflation"].min(1)
+    for i in (0, 50):
+        top = np.argsort(-lam[:, i], kind="stable")[:25]
+        np.testing.assert_allclose(measure("cond_S_top_lambda", "hkf")[i], conditions("hkf")[top, i].mean(), rtol=1e-9)
+        np.testing.assert_allclose(
+            measure("cond_S_top_lambda", "aladkf")[i], conditions("aladkf")[top, i].mean(), rtol=1e-9
+        )
+        top = np.argsort(-psi[:, i], kind="stable")[:10]
+        expected = np.median(conditions("hkf")[top, i] / conditions("kf")[top, i])
+        np.testing.assert_allclose(measure("cond_ratio_top_psi(count=10)", "hkf")[i], expected, rtol=1e-9)
+
+
+def test_lambda_tells_outliers_as_ranks_say():
+    lam, flags = ESTIMATES["aladkf"].extras["lambda"][:, 0], WORLD.v.flags
+    np.testing.assert_allclose(measure("lambda_mean", "aladkf"), lam.mean(0))
+    auc, top = measure("lambda_auc", "aladkf"), measure("outlier_rate(fifth=5)", "aladkf")
+    for i in (3, 90):
+        u = stats.mannwhitneyu(lam[flags[:, i], i], lam[~flags[:, i], i]).statistic
+        assert auc[i] == pytest.approx(u / (flags[:, i].sum() * (~flags[:, i]).sum()))
+        assert top[i] == pytest.approx(flags[np.argsort(lam[:, i])[48:], i].mean())
+
+
+def naive_influence(weight, k, i):
+    """Eqs (59)-(77) for one run, term by term."""
+    F, H, _ = EXPERIMENT.model.matrices
+    Q, R, c = EXPERIMENT.Q, EXPERIMENT.R, WORLD.x[k - 1, :, i]
+    back, G, total = np.linalg.inv(F), np.zeros((4, 4)), np.zeros(4)
+    for d in range(k):
+        B = sum(
+            (np.linalg.matrix_power(back, p) @ Q @ np.linalg.matrix_power(back, p).T for p in range(1, d + 1)),
+            np.zeros((4, 4)),
+        )
+        W = np.linalg.inv(oracle.symmetric_root(H @ B @ H.T + R))
+        h = W @ H @ np.linalg.matrix_power(back, d)
+        v = h @ c - W @ WORLD.y[k - 1 - d, :, i]
+        if isinstance(weight, Huber):
+            v = np.clip(v, -weight.threshold, weight.threshold)
+        elif isinstance(weight, LeastAbsolute):
+            v = v / np.linalg.norm(v)
+        G += h.T @ h
+        total += h.T @ v
+    return np.linalg.solve(xi_of(weight, 3) * G, total)
+
+
+@pytest.mark.parametrize("weight", [Plain(), Huber(), LeastAbsolute()], ids=["kf", "hkf", "aladkf"])
+def test_influence_functions_equal_a_naive_evaluation_at_full_window_length(weight):
+    F, H, _ = EXPERIMENT.model.matrices
+    IF = influence(weight, F, H, EXPERIMENT.Q, EXPERIMENT.R, WORLD.x, WORLD.y, [10, 60])
+    for i in (0, 99):
+        for j, k in enumerate((10, 60)):
+            np.testing.assert_allclose(IF[j, :, i], naive_influence(weight, k, i), rtol=1e-7, atol=1e-9)
+    label = {"Plain": "kf", "Huber": "hkf", "LeastAbsolute": "aladkf"}[type(weight).__name__]
+    curve = measure("if_norm@k", label)
+    assert curve.shape == (6, 128)
+    np.testing.assert_allclose(curve[[0, 5]], np.linalg.norm(IF, axis=1))
+    np.testing.assert_allclose(measure("if_norm", label), curve.mean(0))
+
+
+def test_the_constants_of_the_influence_functions():
+    assert xi_of(Huber(), 3) == pytest.approx(0.8213747654, abs=1e-10)
+    assert xi_of(LeastAbsolute(), 3) == pytest.approx(0.5319230405, abs=1e-10)
+    rng = np.random.default_rng(0)
+    for m in (2, 4):
+        draws = 1 / np.linalg.norm(rng.standard_normal((400_000, m)), axis=1) * (1 - 1 / m)
+        assert abs(xi_of(LeastAbsolute(), m) - draws.mean()) < 5 * draws.std() / np.sqrt(len(draws))
+
+
+def test_the_window_of_the_paper():  # checks 14 and 15 of the note
+    F, H = np.kron([[1, 0.5], [0, 1]], np.eye(2)), np.eye(4)[:3]
+    R = oracle.symmetric_root(0.5 * np.eye(3) + 0.5)
+    W, _, G = window(F, H, np.eye(4), R, 3)
+    Sigma = [np.linalg.inv(w @ w) for w in W]
+    np.testing.assert_allclose(Sigma[0], R, atol=1e-12)
+    np.testing.assert_allclose(Sigma[1] - R, [[1.25, 0, -0.5], [0, 1.25, 0], [-0.5, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(Sigma[2] - R, [[3.25, 0, -1.5], [0, 3.25, 0], [-1.5, 0, 2]], atol=1e-12)
+    assert [np.linalg.matrix_rank(g) for g in G[:2]] == [3, 4]
+
+
+def test_the_influence_of_the_kf_is_a_distance_from_a_least_squares_solution_and_bounds_hold():  # 15, 16
+    F, H, _ = EXPERIMENT.model.matrices
+    k = 20
+    W, h, G = window(F, H, EXPERIMENT.Q, EXPERIMENT.R, k)
+    IF = {
+        name: influence(w, F, H, EXPERIMENT.Q, EXPERIMENT.R, WORLD.x, WORLD.y, [k])[0]
+        for name, w in (("kf", Plain()), ("wide", Huber(1e9)), ("hkf", Huber()), ("lad", LeastAbsolute()))
+    }
+    i = 4
+    z = np.concatenate([W[d] @ WORLD.y[k - 1 - d, :, i] for d in range(k)])
+    solution = np.linalg.lstsq(h[:k].reshape(-1, 4), z, rcond=None)[0]
+    np.testing.assert_allclose(IF["kf"][:, i], WORLD.x[k - 1, :, i] - solution, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(IF["wide"], IF["kf"] / xi_of(Huber(1e9), 3), rtol=1e-12)
+    for name, size, weight in (("hkf", 1.345 * np.sqrt(3), Huber()), ("lad", 1.0, LeastAbsolute())):
+        reach = sum(np.linalg.norm(np.linalg.solve(xi_of(weight, 3) * G[k - 1], h[d].T), 2) for d in range(k))
+        assert (np.linalg.norm(IF[name], axis=0) <= size * reach).all()
+
+
+def test_the_minimiser_of_the_objective_equals_scipys():
+    F, H, _ = EXPERIMENT.model.matrices
+    W, h, _ = window(F, H, EXPERIMENT.Q, EXPERIMENT.R, 30)
+    z = W @ WORLD.y[29::-1]
+    best = minimise(h, z, np.zeros((4, 128)))
+    for i in (0, 60):
+        found = optimize.minimize(
+            lambda x, zi=z[..., i]: np.linalg.norm(h @ x - zi, axis=1).sum(),
+            best[:, i],
+            method="Nelder-Mead",
+            options={"xatol": 1e-9, "fatol": 1e-13, "maxiter": 20000},
+        )
+        np.testing.assert_allclose(best[:, i], found.x, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("rmsee", "did you mean 'rmse'"),
+        ("rmse(", "is not a metric"),
+        ("share_46(stepz=all)", "did you mean 'steps'"),
+        ("outlier_rate(fifth=9)", "less than or equal to 5"),
+        ("share_46(all)", "parameter=value"),
+    ],
+)
+def test_a_metric_that_makes_no_sense_is_said(text, says):
+    with pytest.raises(SpecError, match=says.replace("(", r"\(")):
+        metrics.get(text)
+
+
+def test_every_metric_of_the_catalogue_has_a_description():
+    assert all(entry.summary for entry in METRICS.values())

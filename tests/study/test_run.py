@@ -1,0 +1,333 @@
+"""The study as a whole, on a compute part whose numbers are known: plan, resume, failures, tables."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rkfbench.errors import UsageError
+from rkfbench.store import Results, files
+from rkfbench.study import jobs, plan
+from rkfbench.study.engines import serial
+from rkfbench.study.run import BlockDone, CaseDone, Failure, Planned, Recomputing, run_study
+from tests.study import fakes
+
+
+@pytest.fixture
+def compute(monkeypatch: pytest.MonkeyPatch) -> fakes.Compute:
+    return fakes.install(monkeypatch)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()
+    }
+
+
+def tables(folder: Path) -> dict[str, bytes]:
+    return {name: content for name, content in contents(folder).items() if name.endswith((".csv", ".yaml"))}
+
+
+def run(scenario: Any, folder: Path, **options: Any) -> tuple[Any, list[Any]]:
+    events: list[Any] = []
+    outcome = run_study(scenario, folder, report=events.append, **options)
+    return outcome, events
+
+
+def reasons(events: Sequence[Any]) -> set[str]:
+    return {event.reason for event in events if isinstance(event, Recomputing)}
+
+
+def test_every_number_of_the_summary_has_its_formula(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    results = Results.open(tmp_path / "r")
+    values = np.array([fakes.value(7, k, 0.2, "hkf") for k in range(10) if k != 3])
+    rows = {row["metric"]: row for row in results.summary if (row["case"], row["filter"]) == ("rate=0.2", "hkf")}
+    plain, pooled = rows["rmse"], rows["pooled_rmse"]
+    assert (plain["rate"], plain["runs"], plain["failed"], plain["lost"]) == (0.2, 10, 1, 1)
+    assert plain["mean"] == pytest.approx(values.mean(), rel=1e-14)
+    assert plain["se"] == pytest.approx(values.std(ddof=1) / 3, rel=1e-14)
+    assert plain["median"] == pytest.approx(np.median([*values, np.inf]), rel=1e-14)
+    assert plain["q95"] == np.inf
+    assert pooled["mean"] == pytest.approx(np.sqrt(values.mean()), rel=1e-14)
+    assert pooled["se"] == pytest.approx(plain["se"] / 2 / pooled["mean"], rel=1e-14)
+
+
+def test_a_curve_over_several_blocks_has_the_moments_of_all_runs(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    values = np.array([fakes.value(7, k, 0.1, "hkf") for k in range(10) if k != 3])
+    rows = [r for r in Results.open(tmp_path / "r").series if (r["case"], r["filter"]) == ("rate=0.1", "hkf")]
+    assert [row["k"] for row in rows] == [1, 2, 3]
+    assert rows[2]["mean"] == pytest.approx(3 * values.mean(), rel=1e-13)
+    assert rows[2]["se"] == pytest.approx(3 * values.std(ddof=1) / 3, rel=1e-13)
+    assert rows[0]["median"] == pytest.approx(np.median([*values[:3], np.inf]))  # of the first block: runs 0 to 3
+
+
+def test_numbers_per_run_read_back_to_the_same_bits(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    results = Results.open(tmp_path / "r")
+    wanted = [np.nan if k == 3 else fakes.value(7, k, 0.1, "hkf") for k in range(10)]
+    np.testing.assert_array_equal(results.values("literal", "rate=0.1", "hkf", "rmse"), wanted)
+    assert results.failed("literal", "rate=0.1", "hkf").tolist() == [k == 3 for k in range(10)]
+    assert results.lost("literal", "rate=0.1", "kf").tolist() == [k == 0 for k in range(10)]
+
+
+def test_a_second_run_computes_nothing_and_leaves_every_byte(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    before = contents(tmp_path / "r")
+    compute.calls.clear()
+    outcome, events = run(fakes.scenario(), tmp_path / "r")
+    assert (compute.calls, outcome.computed, outcome.changed) == ([], 0, False)
+    assert events == [Planned(2, 6, 0)]
+    assert contents(tmp_path / "r") == before
+
+
+def test_adding_a_filter_computes_only_that_filter(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    before = tables(tmp_path / "r")["runs.csv"].decode().splitlines()
+    compute.calls.clear()
+    _, events = run(fakes.scenario(filters=["kf", "new", "hkf"]), tmp_path / "r")
+    assert {labels for _, _, labels in compute.calls} == {("new",)}
+    assert reasons(events) == {"filter new is new"}
+    after = tables(tmp_path / "r")["runs.csv"].decode().splitlines()
+    assert [line for line in after if ",new," not in line] == before
+
+
+def test_removing_a_filter_computes_nothing_and_takes_its_rows_away(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    compute.calls.clear()
+    outcome = run_study(fakes.scenario(filters=["kf"]), tmp_path / "r")
+    assert (compute.calls, outcome.changed) == ([], True)
+    assert b"hkf" not in tables(tmp_path / "r")["summary.csv"]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda s: replace(s, seed=8), "seed changed"),
+        (lambda s: replace(s, runs=11), "number of runs changed"),
+        (lambda s: s.changed(steps=4), "scenario changed"),
+        (lambda s: s.changed(metrics=["rmse"]), "metrics changed"),
+        (lambda s: s.changed(filters=[{"label": "kf", "use": "ekf"}]), "filter kf changed"),
+    ],
+)
+def test_the_reason_for_computing_again_is_told(
+    tmp_path: Path, compute: fakes.Compute, change: Any, reason: str
+) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    _, events = run(change(fakes.scenario()), tmp_path / "r")
+    assert reasons(events) == {reason}
+
+
+def test_a_change_of_the_compute_code_is_told(
+    tmp_path: Path, compute: fakes.Compute, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    monkeypatch.setattr(plan, "code_hash", lambda: "another")
+    _, events = run(fakes.scenario(), tmp_path / "r")
+    assert reasons(events) == {"code of the compute part changed"}
+
+
+def test_a_new_title_computes_nothing(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    compute.calls.clear()
+    run_study(fakes.scenario(title="Another title", resolved={"name": "toy", "title": "Another title"}), tmp_path / "r")
+    assert compute.calls == []
+    assert "Another title" in (tmp_path / "r/scenario.yaml").read_text()
+
+
+@pytest.mark.parametrize("damage", [lambda b: b[:-20], lambda b: b[:-9] + bytes([b[-9] ^ 4]) + b[-8:], lambda b: b""])
+def test_a_damaged_block_is_told_and_computed_again(tmp_path: Path, compute: fakes.Compute, damage: Any) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    before = tables(tmp_path / "r")
+    block = sorted((tmp_path / "r/blocks").iterdir())[1]
+    block.write_bytes(damage(block.read_bytes()))
+    compute.calls.clear()
+    _, events = run(fakes.scenario(), tmp_path / "r")
+    assert compute.calls == [(0.1, 1, ("kf", "hkf"))]
+    assert reasons(events) == {f"{block} is damaged"}
+    assert tables(tmp_path / "r") == before
+
+
+def test_fresh_computes_everything_anew(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    before = tables(tmp_path / "r")
+    compute.calls.clear()
+    outcome = run_study(fakes.scenario(), tmp_path / "r", fresh=True)
+    assert (outcome.computed, len(compute.calls)) == (6, 6)
+    assert tables(tmp_path / "r") == before
+
+
+def test_an_interrupted_run_keeps_its_blocks_and_resumes_to_the_same_bytes(
+    tmp_path: Path, compute: fakes.Compute
+) -> None:
+    def interrupted(work: Sequence[jobs.Job]) -> Iterator[jobs.Done]:
+        yield from list(serial(work))[:2]
+        raise KeyboardInterrupt
+
+    run_study(fakes.scenario(), tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        run_study(fakes.scenario(), tmp_path / "r", engine=interrupted)
+    assert [path.name for path in (tmp_path / "r").iterdir()] == ["blocks"]
+    compute.calls.clear()
+    outcome = run_study(fakes.scenario(), tmp_path / "r")
+    assert (outcome.computed, outcome.reused, len(compute.calls)) == (4, 2, 4)
+    assert tables(tmp_path / "r") == tables(tmp_path / "whole")
+
+
+def test_the_order_in_which_blocks_arrive_changes_no_byte(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "a")
+    run_study(fakes.scenario(), tmp_path / "b", engine=lambda work: reversed(list(serial(work))))
+    assert tables(tmp_path / "a") == tables(tmp_path / "b")
+
+
+def test_a_filter_that_raises_stops_no_other(tmp_path: Path, compute: fakes.Compute) -> None:
+    compute.broken = {"hkf"}
+    outcome, events = run(fakes.scenario(rates=[0.1]), tmp_path / "r")
+    assert [str(failure) for failure in outcome.failures] == [
+        f"case rate=0.1 (literal), filter hkf, block {block}: ValueError: no such matrix" for block in range(3)
+    ]
+    assert [event for event in events if isinstance(event, Failure)] == list(outcome.failures)
+    assert "no such matrix" in outcome.failures[0].traceback
+    results = Results.open(tmp_path / "r")
+    assert {row["filter"] for row in results.summary} == {"kf"}
+    assert results.manifest["incomplete"] == ["rate=0.1 (literal): hkf"]
+
+    compute.broken = set()
+    compute.calls.clear()
+    assert not run_study(fakes.scenario(rates=[0.1]), tmp_path / "r").failures
+    assert {labels for _, _, labels in compute.calls} == {("hkf",)}
+    run_study(fakes.scenario(rates=[0.1]), tmp_path / "whole")
+    assert tables(tmp_path / "r") == tables(tmp_path / "whole")
+
+
+def test_extras_and_sensitivity_are_run_only_in_full(tmp_path: Path, compute: fakes.Compute) -> None:
+    toy = fakes.scenario(filters=["kf", "spare"])
+    first, second = toy.cells
+    toy = replace(
+        toy, cells=(first, replace(second, extra=True)), sensitivity=(replace(first, switch="cholesky root"),)
+    )
+    run_study(toy, tmp_path / "r")
+    assert {(row["reading"], row["case"], row["filter"]) for row in Results.open(tmp_path / "r").summary} == {
+        ("literal", "rate=0.1", "kf")
+    }
+    run_study(toy, tmp_path / "r", full=True)
+    assert {(row["reading"], row["case"]) for row in Results.open(tmp_path / "r").summary} == {
+        ("literal", "rate=0.1"),
+        ("literal", "rate=0.2"),
+        ("literal+cholesky root", "rate=0.1"),
+    }
+    compute.calls.clear()
+    run_study(toy, tmp_path / "r")  # back to the first tier: the extras stay in their blocks
+    run_study(toy, tmp_path / "r", full=True)
+    assert compute.calls == []
+
+
+def test_events_tell_blocks_and_cases(tmp_path: Path, compute: fakes.Compute) -> None:
+    _, events = run(fakes.scenario(rates=[0.1]), tmp_path / "r")
+    case = "rate=0.1 (literal)"
+    assert events == [
+        Planned(1, 3, 3),
+        BlockDone(case, 0, 4),
+        BlockDone(case, 1, 4),
+        BlockDone(case, 2, 2),
+        CaseDone(case, 10, 2),
+    ]
+
+
+def test_a_folder_with_other_things_is_refused(tmp_path: Path, compute: fakes.Compute) -> None:
+    (tmp_path / "thesis.tex").write_text("ten years")
+    with pytest.raises(UsageError, match="holds other files"):
+        run_study(fakes.scenario(), tmp_path)
+    assert (tmp_path / "thesis.tex").read_text() == "ten years"
+    assert compute.calls == []
+
+
+def test_the_results_of_another_scenario_are_refused(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    with pytest.raises(UsageError, match="holds the results of 'toy'"):
+        run_study(fakes.scenario(name="other"), tmp_path / "r")
+
+
+def test_a_full_disk_is_one_message_and_loses_no_block(
+    tmp_path: Path, compute: fakes.Compute, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writes = []
+
+    def fsync(handle: int) -> None:
+        writes.append(handle)
+        if len(writes) > 6:
+            raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("rkfbench.store.files.os.fsync", fsync)
+        with pytest.raises(UsageError, match="No space left on device"):
+            run_study(fakes.scenario(), tmp_path / "r")
+    assert len(list((tmp_path / "r/blocks").iterdir())) == 3
+    assert run_study(fakes.scenario(), tmp_path / "r").reused == 3
+
+
+def test_a_table_edited_by_hand_is_made_again(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    before = tables(tmp_path / "r")
+    summary = tmp_path / "r/summary.csv"
+    summary.write_text(summary.read_text().replace("0", "1"))
+    compute.calls.clear()
+    assert run_study(fakes.scenario(), tmp_path / "r").computed == 0
+    assert compute.calls == []
+    assert tables(tmp_path / "r") == before
+
+
+def test_changed_numbers_take_away_what_was_drawn_from_the_old_ones(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    files.write(tmp_path / "r/claims.csv", "id\n")
+    files.write(tmp_path / "r/figures/fig1.png", b"png")
+    run_study(replace(fakes.scenario(), seed=8), tmp_path / "r")
+    assert not (tmp_path / "r/claims.csv").exists()
+    assert not (tmp_path / "r/figures").exists()
+
+
+def test_the_manifest_says_what_made_the_numbers(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r", facts={"argv": ["rkfbench", "run", "toy"]})
+    manifest = json.loads((tmp_path / "r/manifest.json").read_text())
+    assert (manifest["scenario"], manifest["seed"], manifest["runs"]) == ("toy", 7, 10)
+    assert manifest["argv"] == ["rkfbench", "run", "toy"]
+    assert manifest["curve_median_runs"] == 4
+    assert set(manifest["files"]) == {"scenario.yaml", "filters.csv", "summary.csv", "series.csv", "runs.csv"}
+    assert manifest["versions"]["numpy"] == np.__version__
+
+
+def test_results_are_read_without_their_blocks(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    shutil.rmtree(tmp_path / "r/blocks")
+    assert len(Results.open(tmp_path / "r").values("literal", "rate=0.1", "kf", "rmse")) == 10
+
+
+def test_a_change_of_a_filter_changes_what_is_measured_against_it(tmp_path: Path, compute: fakes.Compute) -> None:
+    against = fakes.scenario().changed(metrics=["rmse", "beside_kf"])
+    run_study(against, tmp_path / "r")
+    compute.calls.clear()
+    other = [{"label": "kf", "use": "ekf"}, {"label": "hkf", "use": "hkf", "extra": False}]
+    run_study(against.changed(filters=other), tmp_path / "r")
+    assert {labels for _, _, labels in compute.calls} == {("kf", "hkf")}
+
+
+def test_every_module_that_makes_numbers_is_in_the_hash_of_the_code() -> None:
+    code = "import sys, rkfbench.study.jobs, rkfbench.study.compute; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    mine = {name.removeprefix("rkfbench.").replace(".", "/") for name in loaded if name.startswith("rkfbench.")}
+    beside = {"errors", "study", "store", "store/files", "store/manifest", "store/results"}  # no number depends on them
+    covered = {
+        name for name in mine if any(f"{name}.py" == each or name.split("/")[0] == each for each in plan.COMPUTE)
+    }
+    assert mine - beside == covered
+    assert all((Path(plan.__file__).parents[1] / each).exists() for each in plan.COMPUTE)
