@@ -1,0 +1,45 @@
+"""What a checked scenario file is for the rest of the package: numbers, names, and the cells of its study."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from rkfbench.scenario.claims import Claim
+from rkfbench.scenario.display import Figure, Table
+from rkfbench.scenario.schema import Citation
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One experimental condition under one reading; `spec` is plain data with every default written out."""
+
+    reading: str
+    case: str  # label: "", "R2", "rate=0.2", "R2,rate=0.2"
+    point: dict[str, Any]  # the sweep columns
+    switch: str | None  # the switch of the sensitivity study that it belongs to
+    extra: bool
+    spec: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scenario file that makes sense, as the options of the command line have changed it."""
+
+    name: str
+    title: str
+    paper: str | None  # name of a paper file
+    citation: Citation | None  # what the scenario itself says of its source
+    notes: str
+    seed: int
+    runs: int  # in force: those of the paper, if nothing else is wanted
+    paper_runs: int
+    reference_runs: int
+    file: str
+    columns: tuple[str, ...]  # of the sweeps
+    cells: tuple[Cell, ...]
+    sensitivity: tuple[Cell, ...]
+    tables: tuple[Table, ...]
+    figures: tuple[Figure, ...]
+    claims: tuple[Claim, ...]
+    resolved: dict[str, Any]  # the file with options and defaults written out: can be stored and run again

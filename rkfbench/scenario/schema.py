@@ -1,0 +1,192 @@
+"""What a scenario file may say: the keys, their types and their meaning.
+
+`Experiment` is what one cell of a study needs and what a reading, case or sweep may override; `ScenarioFile` adds what
+spans the cells. Where the allowed keys come from a catalogue (models, laws, filters, metrics), the schema takes any
+plain data and `check.py` asks the catalogue; `json_schema.py` writes the catalogue into the JSON Schema.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from rkfbench.scenario.claims import Claim
+from rkfbench.scenario.display import Figure, Strict, Table
+
+MOST_STEPS = 1_000_000
+MOST_RUNS = 10_000_000
+
+Vector = Annotated[list[float], Field(min_length=1)]
+Text = Annotated[str, Field(min_length=1)]
+Matrix = Annotated[
+    Any, Field(description="a number (times I), a list (diagonal), rows, or an operation such as {matrix_root_of: M}")
+]
+Overrides = Annotated[dict[str, Any], Field(description="dotted path: value; the value replaces the whole node")]
+Scalar = Annotated[float, Tag("number")] | Annotated[bool, Tag("flag")] | Annotated[str, Tag("text")]
+Point = Annotated[Scalar, Discriminator(lambda value: {bool: "flag", str: "text"}.get(type(value), "number"))]
+
+
+class Drawn(Strict):
+    """A true initial state drawn from N(mean, cov) for each run."""
+
+    mean: Vector = Field(description="mean of the true initial state")
+    cov: Matrix
+
+
+class Start(Strict):
+    """The true state at k = 0."""
+
+    truth: Annotated[
+        Annotated[Vector, Tag("fixed")] | Annotated[Drawn, Tag("drawn")],
+        Discriminator(lambda value: "drawn" if isinstance(value, (dict, Drawn)) else "fixed"),
+    ] = Field(description="the state itself, or {mean, cov} to draw it for each run")
+
+
+class Input(Strict):
+    """A known constant input of the model."""
+
+    value: float = Field(description="value of the input")
+    filters_use_it: bool = Field(default=True, description="whether the filters know it, as the truth does")
+
+
+class FilterAssumed(Strict):
+    """What one filter is told instead of what `assumed` tells all of them."""
+
+    mean: Vector | None = Field(default=None, description="initial state estimate")
+    cov: Matrix = None
+    process_cov: Matrix = Field(default=None, description="Q: a matrix, or the name of a covariance the law knows")
+    measurement_cov: Matrix = Field(default=None, description="R: a matrix, or the name of a covariance the law knows")
+
+
+class Assumed(Strict):
+    """What the filters are told; what is simulated is said elsewhere."""
+
+    mean: Vector = Field(description="initial state estimate (posterior at k = 0)")
+    mean_drawn: bool = Field(default=False, description="draw the initial estimate of each run from N(mean, cov)")
+    cov: Matrix = Field(description="P0, covariance of the initial estimate")
+    process_cov: Matrix = Field(
+        default="law", description="Q: a matrix, `law` (covariance of the process noise) or a named part of the law"
+    )
+    measurement_cov: Matrix = Field(
+        default="law", description="R: a matrix, `law` (covariance of the noise) or a named part such as `body`"
+    )
+
+
+class Lost(Strict):
+    """When a run counts as lost: the error of some state exceeds a limit."""
+
+    states: list[Text] = Field(min_length=1, description="names of the states looked at")
+    limit: float = Field(gt=0, description="absolute error beyond which the run is lost")
+    after: int | None = Field(default=None, ge=0, description="look at the steps k > after")
+    at: int | None = Field(default=None, ge=1, description="look at this step only")
+    window: Annotated[list[int], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="look at the steps first..last"
+    )
+    statistic: Literal["max", "rms"] = Field(default="max", description="largest error over the steps, or its RMS")
+
+
+class PointOfTime(Strict):
+    """The step whose state point smoothers estimate; in a metric `@j` means this step."""
+
+    at: int = Field(ge=1, description="the step j")
+    lag: int = Field(ge=0, description="measurements after j that smoothers use")
+
+
+class Runs(Strict):
+    """Numbers of Monte Carlo runs."""
+
+    paper: int = Field(default=100, ge=1, le=MOST_RUNS, description="the paper's own number, used by `run`")
+    reference: int = Field(default=1000, ge=1, le=MOST_RUNS, description="the number on which verdicts rest")
+
+
+class Citation(Strict):
+    """Where an experiment comes from, when there is no paper file."""
+
+    cite: Text = Field(description="journal, volume, pages")
+    doi: str = Field(default="", description="digital object identifier")
+
+
+class Range(Strict):
+    """Equally spaced values, both ends included."""
+
+    from_: float = Field(alias="from", description="first value")
+    to: float = Field(description="last value")
+    step: float = Field(gt=0, description="distance")
+
+
+def _points_form(value: Any) -> str:
+    if isinstance(value, dict):
+        return "range" if {"from", "to", "step"} & set(value) else "labelled"
+    return "range" if isinstance(value, Range) else "list"
+
+
+Points = Annotated[
+    Annotated[list[Point], Field(min_length=1), Tag("list")]
+    | Annotated[Range, Tag("range")]
+    | Annotated[dict[str, Any], Field(min_length=1), Tag("labelled")],
+    Discriminator(_points_form),
+]
+
+
+class Tiers(Strict):
+    """Values of a sweep in two tiers."""
+
+    values: Points = Field(description="a list, {from, to, step}, or label: value where a value is not a single word")
+    extra: Points | None = Field(default=None, description="further values for the full study only")
+
+
+def _sweep_form(value: Any) -> str:
+    if isinstance(value, Tiers) or (isinstance(value, dict) and {"values", "extra"} & set(value)):
+        return "tiers"
+    return "points"
+
+
+Sweep = Annotated[Annotated[Tiers, Tag("tiers")] | Annotated[Points, Tag("points")], Discriminator(_sweep_form)]
+
+
+class Experiment(Strict):
+    """One cell: a model, its noise, what the filters are told, the filters, what is measured."""
+
+    steps: int = Field(ge=1, le=MOST_STEPS, description="number of steps T; k = 1..T")
+    model: Any = Field(description="state-space model: {kind, parameters}")
+    truth: Any = Field(default="model", description="`model`, or a scripted trajectory {kind, parameters}")
+    start: Start
+    input: Input | None = Field(default=None, description="known input of the model")
+    process_noise: Any = Field(default=None, description="law of w_k; none if left out")
+    measurement_noise: Any = Field(description="law of the measurement noise: {kind, parameters}")
+    disturbances: list[Any] = Field(default=[], description="shots and scripted errors, on top of the noise")
+    assumed: Assumed
+    lost: Lost | None = None
+    point: PointOfTime | None = Field(default=None, description="what point smoothers estimate")
+    filters: list[Any] = Field(min_length=1, description="names, or {use: name, parameters, label, extra, assumed}")
+    metrics: list[Text] = Field(
+        min_length=1, description="such as `rmse`, `rmse[px]`, `mse[px]@900`, or `err_norm@k` for the curve over k"
+    )
+
+
+META = ("name", "title", "paper", "notes", "seed", "runs")
+
+
+class ScenarioFile(Experiment):
+    """One scenario file."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="names the results folder")
+    title: str = Field(default="", description="one line")
+    paper: (
+        Annotated[
+            Annotated[Text, Tag("name")] | Annotated[Citation, Tag("citation")],
+            Discriminator(lambda value: "citation" if isinstance(value, (dict, Citation)) else "name"),
+        ]
+        | None
+    ) = Field(default=None, description="name of a file in scenarios/papers, or {cite, doi}")
+    notes: str = Field(default="", description="free text for the reader")
+    seed: int = Field(default=0, ge=0, description="seed of all random streams")
+    runs: Runs = Field(default=Runs(), description="numbers of Monte Carlo runs")
+    readings: dict[str, Overrides] = Field(default={}, description="ways to read the paper; the first is the headline")
+    sensitivity: dict[str, Overrides] = Field(default={}, description="switches changed one at a time")
+    cases: dict[Annotated[str, Field(pattern="^[^,=]+$")], Overrides] = Field(
+        default={}, description="experimental conditions; `extra: true` for the full study only"
+    )
+    sweep: dict[str, Sweep] = Field(default={}, description="dotted path: values; several are crossed")
+    tables: list[Table] = Field(default=[], description="tables to write")
+    figures: list[Figure] = Field(default=[], description="figures to draw")
+    claims: list[Claim] = Field(default=[], description="your own claims; those of a paper stand in its file")

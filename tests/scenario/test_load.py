@@ -1,0 +1,148 @@
+import pytest
+
+from rkfbench.errors import ScenarioError, UsageError
+from rkfbench.scenario import bundled, load
+
+
+def test_a_mistyped_key_is_told_with_line_source_and_caret(change) -> None:
+    with pytest.raises(ScenarioError) as error:
+        change({"  rate: 0.1": "  rat: 0.1"})
+    assert str(error.value).splitlines() == [
+        "a.yaml:10:3: measurement_noise.rat: unknown key (did you mean 'rate'?)",
+        "    rat: 0.1",
+        "    ^",
+    ]
+    assert error.value.exit_code == 2
+
+
+def test_all_problems_of_a_file_are_told_at_once_from_top_to_end(problems) -> None:
+    texts = {
+        "seed: 1": "sead: 1",
+        "steps: 5": "steps: many",
+        "kind: navigation,": "kind: navigatoin,",
+        "  rate: 0.1": "  rate: 1.5",
+        "  coins: {": "  coins: {mesurement_noise.rate: 1, ",
+        "  - kf\n": "  - kff\n",
+        "[rmse, ": "[rmsee, ",
+        "kind: sweep, over": "kind: swep, over",
+    }
+    assert problems(texts) == [
+        "a.yaml:2:1: sead: unknown key (did you mean 'seed'?)",
+        "a.yaml:4:8: steps: should be a valid integer",
+        "a.yaml:5:15: model.kind: unknown model 'navigatoin' (did you mean 'navigation'?)",
+        "a.yaml:10:9: measurement_noise.rate: should be less than or equal to 1",
+        "a.yaml:16:11: readings.coins.mesurement_noise.rate: is not a part of an experiment that can be overridden",
+        "a.yaml:24:5: filters.kff.use: unknown filter 'kff' (did you mean 'kf'?)",
+        "a.yaml:27:11: metrics.0: unknown metric 'rmsee' (did you mean 'rmse'?)",
+        "a.yaml:29:23: figures.rates.kind: unknown kind 'swep' (did you mean 'sweep'?)",
+    ]
+
+
+def test_an_error_from_a_reading_stands_at_the_reading(problems) -> None:
+    assert problems({"coin: component": "coin: each"}) == [
+        "a.yaml:16:35: measurement_noise.coin: should be 'joint' or 'component'"
+    ]
+
+
+def test_an_error_from_an_option_names_the_option(problems) -> None:
+    assert problems(sets=["measurement_noise.rate=2"]) == [
+        "--set measurement_noise.rate=2: measurement_noise.rate: should be less than or equal to 1"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"sets": ["steps"]}, "--set steps: should be written as path=value"),
+        ({"sets": ["nothing.here=1"]}, "leads nowhere: there is no 'nothing'"),
+        ({"sets": ["filters.hfk.threshold=1"]}, "there is no entry 'hfk' (did you mean 'hkf'?)"),
+        ({"sets": ["steps=[1"]}, "--set steps=[1: did not find expected"),
+        ({"sets": ["steps=.nan"]}, "NaN is not a value"),
+        ({"sweeps": ["steps=1:2"]}, "steps: should be a valid integer"),
+        ({"sweeps": ["steps=1:9:x"]}, "path=first:last:count"),
+        ({"runs": 0}, "--runs 0: runs.paper: should be greater than or equal to 1"),
+        ({"seed": -1}, "--seed -1: seed: should be greater than or equal to 0"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(problems, options, message) -> None:
+    assert message in problems(options.pop("texts", None), **options)[0]
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (
+            {"truth: [0, 0, 1, 1]": "truth: [0, 0, 1]"},
+            "a.yaml:6:16: start.truth: has 3 elements, the model has 4 states",
+        ),
+        (
+            {"cov: 1}\n  out": "cov: [[1, 2], [2, 1]]}\n  out"},
+            "measurement_noise.body.cov: a covariance must not be indefinite",
+        ),
+        ({"measurement_cov: body": "measurement_cov: bodie"}, "assumed.measurement_cov: 'bodie'"),
+        ({'"rmse[px]"': '"rmse[pz]"'}, "metrics.1: the model has no state 'pz'"),
+        ({'"rmse[px]"': '"mse@77"'}, "metrics.1: steps 77..77 are not within 1..5"),
+        (
+            {"threshold: [0.5, 3]": "threshold: [0.5, -3]"},
+            "filters.hkf[threshold=-3].threshold: should be greater than 0",
+        ),
+        ({"  - kf\n": "  - kf\n  - kf\n"}, "a.yaml:25:5: filters.1: two filters are labelled 'kf'"),
+        ({"metric: rmse, f": "metric: mse, f"}, "figures.rates.metric: no metric 'mse' here (did you mean 'rmse'?)"),
+        ({"over: rate": "over: rates"}, "figures.rates.over: no swept parameter 'rates' here (did you mean 'rate'?)"),
+        ({"filters: [kf, hkf]}": "filters: [kf, ukf]}"}, "figures.rates.filters.1: no filter 'ukf' here"),
+        ({"name: small": "name: small\npaper: none-2000"}, "a.yaml:2:8: paper: no paper file 'none-2000'"),
+        ({"rate: [0, 0.2]": "rate: [0, no]"}, "measurement_noise.rate: should be a valid number"),
+        ({"rate: [0, 0.2]": "rate: {from: 0, to: 1}"}, "sweep.measurement_noise.rate.step: is required"),
+        ({"rate: [0, 0.2]": "rate: {from: 0, to: 1, step: 1e-9}"}, "makes no sensible range"),
+        ({"rate: [0, 0.2]": "rate: [0, 0.2, 0.2]"}, "a.yaml:22:9: sweep.measurement_noise.rate: lists 0.2 twice"),
+        ({"  near: {}": "  a=b: {}"}, "cases.a=b: should match pattern"),
+        ({"rate: [0, 0.2]": "rate: [0, [1]]"}, "sweep.measurement_noise.rate.1: should be a valid number"),
+        ({"rate: [0, 0.2]": "rate: {from: 0, to: 1, step: 1e-3}, steps: {from: 1, to: 9, step: 1}"}, "sensible range"),
+        ({"steps: 5\n": ""}, "a.yaml:1:1: steps: is required"),
+        ({"  plain: {}": "  plain: {steps: null}"}, "a.yaml:15:18: steps: is required"),
+        ({"steps: 5": "steps: true"}, "steps: should be a valid integer"),
+        ({"seed: 1": 'seed: "1"'}, "seed: should be a valid integer"),
+        ({"name: small": "name: ../small"}, "name: should match pattern"),
+    ],
+)
+def test_what_makes_no_sense_is_told_where_it_stands(problems, texts, message) -> None:
+    assert message in problems(texts)[0]
+
+
+def test_the_same_fault_in_many_cells_is_told_once(problems) -> None:
+    assert len(problems({"mean: [0, 0, 0, 0]": "mean: [0, 0, 0, a]"})) == 1
+
+
+def test_what_is_neither_a_file_nor_bundled_gets_a_suggestion(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match=r"no scenario 'contamination-rate'.*did you mean 'contamination-rates'"):
+        load("contamination-rate")
+    with pytest.raises(UsageError, match=r"^none\.yaml: no such file"):
+        load("none.yaml")
+    with pytest.raises(UsageError, match="is a directory"):
+        load(tmp_path)
+
+
+@pytest.mark.parametrize("name", bundled())
+def test_every_bundled_scenario_is_valid_and_called_like_its_file(name) -> None:
+    assert load(name).name == name
+
+
+@pytest.mark.parametrize("name", bundled())
+def test_every_bundled_scenario_can_be_stored_and_run_again(name, tmp_path) -> None:
+    from rkfbench.scenario.yaml import dump
+
+    scenario = load(name)
+    (tmp_path / "b.yaml").write_text(dump(scenario.resolved), encoding="utf-8")
+    again = load(tmp_path / "b.yaml")
+    assert (again.cells, again.sensitivity, again.resolved) == (scenario.cells, scenario.sensitivity, scenario.resolved)
+
+
+def test_the_contamination_study_has_the_papers_cases_under_two_readings() -> None:
+    scenario = load("contamination-rates")
+    first = [cell for cell in scenario.cells if not cell.extra]
+    assert [(cell.reading, cell.point["rate"]) for cell in first] == [
+        (reading, rate) for reading in ("literal", "root") for rate in (0, 0.05, 0.2, 0.3, 0.4)
+    ]
+    assert (scenario.runs, scenario.cells[0].spec["steps"]) == (100, 500)
+    assert len({cell.switch for cell in scenario.sensitivity}) == 12
