@@ -1,0 +1,248 @@
+"""The one rule for all verdicts: an interval against a claimed region.
+
+Interval: estimate +- c se, c the quantile of Student's t with M - 1 degrees of freedom at tail probability
+0.05 / (2 N), N the size of the family (Bonferroni). t and not the normal: a standard error is itself estimated from
+the M runs; at M = 1000 it costs nothing, at ten runs it is the difference between 95 % and 92 %. Shares of runs and
+win probabilities have exact (Clopper-Pearson) intervals, which stay right at 0 and 1.
+
+Inside the region: reproduced. Outside: not reproduced. Else inconclusive, as is everything without a standard error
+(one run, NaN). With se = 0 (all runs agree exactly) the estimate alone decides; on the very edge of an open region
+(`a > b` when a equals b in every run) it lies outside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf, isfinite, isnan, nan, sqrt
+from typing import Literal
+
+LEVEL = 0.95  # of a family
+RESOLUTION = 25.0  # %: a replication interval coarser than this decides nothing
+RUNS_CAP = 1_000_000  # more runs than this are nobody's plan
+
+Verdict = Literal["reproduced", "not reproduced", "inconclusive", "not testable", "unsupported", "not run", "shown"]
+
+
+@dataclass(frozen=True)
+class Region:
+    """The claimed values: low to high; `open` leaves out the edges."""
+
+    low: float = -inf
+    high: float = inf
+    open: bool = False
+
+    def holds(self, low: float, high: float) -> bool:
+        """Whether all of the interval lies inside."""
+        return (low > self.low and high < self.high) if self.open else (low >= self.low and high <= self.high)
+
+    def excludes(self, low: float, high: float) -> bool:
+        """Whether all of the interval lies outside."""
+        return (high <= self.low or low >= self.high) if self.open else (high < self.low or low > self.high)
+
+    def __str__(self) -> str:
+        if self.low == -inf:
+            return f"{'<' if self.open else '<='} {self.high:.6g}"
+        if self.high == inf:
+            return f"{'>' if self.open else '>='} {self.low:.6g}"
+        return f"in [{self.low:.6g}, {self.high:.6g}]"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the runs say about an estimand: all that a verdict needs, and all that is stored.
+
+    `law` says how the interval is made: "t" from se; "share" from the exact law of a share with `ties` runs that count
+    one half; "exact" for numbers without chance.
+    """
+
+    estimate: float
+    se: float
+    runs: int
+    law: Literal["t", "share", "exact"] = "t"
+    ties: int = 0
+    scale: float = nan  # the level of what was compared, to give margins in %
+
+    def at(self, runs: int) -> Measured:
+        """What another number of runs would measure if the estimate stayed: se falls like 1/sqrt(runs)."""
+        if self.law == "exact":
+            return self
+        ratio = runs / self.runs
+        return replace(self, se=self.se / sqrt(ratio), runs=runs, ties=round(self.ties * ratio))
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A number printed in the paper: its value, the runs behind it, half a unit of its last digit."""
+
+    value: float
+    runs: int
+    rounding: float = 0.0
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A verdict with its interval and what the reader should see beside it."""
+
+    verdict: Verdict
+    lower: float
+    upper: float
+    c: float
+    flip_at: float  # where an edge of the region would have to stand for the verdict to change
+    flip: float  # how far that is from the edge, in the units of the estimate
+    flip_percent: float  # the same in % of the level of what is compared
+    runs_needed: int | None = None  # for inconclusive: runs that would decide, if any would
+    resolution: float = nan  # of a replication interval: half-width in % of the printed value
+    reason: str = ""
+
+
+def judge(measured: Measured, region: Region, family: int = 1, printed: Printed | None = None) -> Judgement:
+    """The verdict on one cell, by the rule above; with `printed` by the replication interval (see `replicate`)."""
+    if printed is not None:
+        return replicate(measured, printed, family)
+    tail = (1 - LEVEL) / (2 * max(family, 1))
+    lower, upper = interval(measured, tail)
+    c = critical(tail, measured.runs) if measured.law == "t" else nan
+    if isnan(lower) or isnan(upper):
+        return Judgement("inconclusive", lower, upper, c, nan, nan, nan, None, nan, _why_not(measured))
+    verdict = _place(lower, upper, region)
+    edge, flip_at = _nearest_flip(lower, upper, region, verdict)
+    flip = abs(flip_at - edge)
+    needed = None
+    if verdict == "inconclusive":
+        needed = _least_runs(
+            measured, lambda runs: _place(*interval(measured.at(runs), tail), region) != "inconclusive"
+        )
+    return Judgement(verdict, lower, upper, c, flip_at, flip, _percent(flip, measured.scale), needed)
+
+
+def replicate(measured: Measured, printed: Printed, family: int = 1) -> Judgement:
+    """Whether a printed number is compatible with ours: printed - ours against c sqrt(se^2 + se_paper^2).
+
+    se_paper^2 = se^2 M / n_paper: for a mean it is sd^2 / n_paper. Half a unit of the last printed digit is added.
+    Inside: reproduced, unless the half-width exceeds 25 % of the printed value. The interval that is returned is
+    where the paper's number is expected.
+    """
+    tail = (1 - LEVEL) / (2 * max(family, 1))
+    half, c = _replication_half(measured, printed, tail), critical(tail, measured.runs)
+    if isnan(half):
+        return Judgement("inconclusive", nan, nan, c, nan, nan, nan, None, nan, _why_not(measured))
+    lower, upper = measured.estimate - half, measured.estimate + half
+    flip_at = lower if printed.value < measured.estimate else upper
+    flip = abs(flip_at - printed.value)
+    resolution = _percent(half, printed.value)
+    verdict: Verdict = "reproduced" if lower <= printed.value <= upper else "not reproduced"
+    reason, needed = "", None
+    if verdict == "reproduced" and not resolution <= RESOLUTION:
+        verdict, reason = "inconclusive", f"the interval is wider than {RESOLUTION:g} % of the printed value"
+        fine = RESOLUTION / 100 * abs(printed.value)
+        needed = _least_runs(measured, lambda runs: _replication_half(measured.at(runs), printed, tail) <= fine)
+    return Judgement(verdict, lower, upper, c, flip_at, flip, _percent(flip, printed.value), needed, resolution, reason)
+
+
+def combine(verdicts: Collection[Verdict], holds: Literal["all", "any"] = "all") -> Verdict:
+    """The verdict on a claim of several cells.
+
+    all: it fails if one cell is outside and holds if all are inside. any: it holds if one cell is inside and fails if
+    all are outside. In between it is inconclusive, or `not run` if a cell was not.
+    """
+    one: Verdict = "not reproduced" if holds == "all" else "reproduced"
+    every: Verdict = "reproduced" if holds == "all" else "not reproduced"
+    order: tuple[Verdict, ...] = ("unsupported", "not testable", one, "not run", "inconclusive", every)
+    return next((verdict for verdict in order if verdict in verdicts), "not testable")
+
+
+@lru_cache(maxsize=4096)
+def critical(tail: float, runs: int) -> float:
+    """The quantile of Student's t with runs - 1 degrees of freedom that is exceeded with probability `tail`."""
+    from scipy.special import stdtrit
+
+    return float(-stdtrit(runs - 1, tail)) if runs > 1 else nan
+
+
+def interval(measured: Measured, tail: float) -> tuple[float, float]:
+    """The interval that misses the true value with probability `tail` on either side; NaN where there is none."""
+    if measured.law == "exact":
+        return measured.estimate, measured.estimate
+    if measured.law == "share":
+        return _share_interval(measured.estimate, measured.runs, measured.ties, tail)
+    if measured.se == 0 and measured.runs > 1:
+        return measured.estimate, measured.estimate
+    half = critical(tail, measured.runs) * measured.se
+    return measured.estimate - half, measured.estimate + half
+
+
+def _share_interval(share: float, runs: int, ties: int, tail: float) -> tuple[float, float]:
+    """Clopper-Pearson for the share of wins among the runs that are no ties, carried over to share = wins + ties/2.
+
+    Given the number of ties this is exact, and its position against one half is that of the sign test. Without
+    any decided run it says how rare wins and losses must be not to have shown up once.
+    """
+    from scipy.special import betaincinv
+
+    if runs < 1 or isnan(share):
+        return nan, nan
+    decided = runs - ties
+    if decided == 0:
+        unseen = (1 - tail ** (1 / runs)) / 2
+        return 0.5 - unseen, 0.5 + unseen
+    wins = min(max(share * runs - ties / 2, 0.0), decided)
+    losses = decided - wins
+    low = float(betaincinv(wins, losses + 1, tail)) if wins > 0 else 0.0
+    high = float(betaincinv(wins + 1, losses, 1 - tail)) if losses > 0 else 1.0
+    return (low * decided + ties / 2) / runs, (high * decided + ties / 2) / runs
+
+
+def _replication_half(measured: Measured, printed: Printed, tail: float) -> float:
+    """Half-width of a replication interval; of a share the exact half-widths on the printed side, added in squares."""
+    if measured.law != "share":
+        spread = measured.se * sqrt(1 + measured.runs / printed.runs)
+        return critical(tail, measured.runs) * spread + printed.rounding
+    side = 1 if printed.value > measured.estimate else 0
+    ours = _share_interval(measured.estimate, measured.runs, measured.ties, tail)[side] - measured.estimate
+    theirs = _share_interval(measured.estimate, printed.runs, 0, tail)[side] - measured.estimate
+    return sqrt(ours**2 + theirs**2) + printed.rounding
+
+
+def _place(lower: float, upper: float, region: Region) -> Verdict:
+    if region.holds(lower, upper):
+        return "reproduced"
+    return "not reproduced" if region.excludes(lower, upper) else "inconclusive"
+
+
+def _nearest_flip(lower: float, upper: float, region: Region, verdict: Verdict) -> tuple[float, float]:
+    """The edge of the region that decides, and where it would have to stand for another verdict."""
+    inside = [(region.low, lower), (region.high, upper)]
+    outside = [(region.low, upper), (region.high, lower)]
+    if verdict == "reproduced":
+        moves = inside
+    elif verdict == "not reproduced":
+        moves = [outside[0] if upper <= region.low else outside[1]]
+    else:  # an edge that lies within the interval may leave it on either side
+        moves = [move for move in inside + outside if lower <= move[0] <= upper]
+    finite = [(edge, to) for edge, to in moves if isfinite(edge)]
+    return min(finite, key=lambda move: abs(move[1] - move[0])) if finite else (nan, nan)
+
+
+def _least_runs(measured: Measured, decides: Callable[[int], bool]) -> int | None:
+    """The least number of runs (to 2 %) at which the same estimate would decide; None if no affordable number would."""
+    if not isfinite(measured.se) or measured.runs < 1 or not decides(RUNS_CAP):
+        return None
+    few, many = measured.runs, RUNS_CAP
+    while many > few + max(1, few // 50):
+        middle = round(sqrt(few * many)) if many > 1.5 * few else (few + many) // 2
+        few, many = (few, middle) if decides(middle) else (middle, many)
+    return many
+
+
+def _percent(part: float, whole: float) -> float:
+    return 100 * part / abs(whole) if whole and isfinite(whole) else nan
+
+
+def _why_not(measured: Measured) -> str:
+    if isnan(measured.estimate):
+        return "no number: no run without failure, or an undefined value"
+    if measured.runs < 2:
+        return "one run has no standard error"
+    return "no standard error: the values are too few or not finite"

@@ -1,0 +1,83 @@
+"""Verdicts in words: one sentence a cell, one line a paper."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from math import inf, isnan
+
+from rkfbench.claims.ledger import ClaimVerdict, Row, counts
+from rkfbench.claims.verdict import Verdict
+
+_OTHERS: tuple[Verdict, ...] = ("not reproduced", "inconclusive", "not testable", "unsupported", "not run")
+IN_TEXT = ("text", "literature")  # what the papers say, or cite; the rest is counted apart
+
+
+def sentence(row: Row) -> str:
+    """`hkf - aladkf in err_norm at rate=0.4: 0.2700 +- 0.0060, claimed > 0: reproduced (would flip at 0.25, ...)`."""
+    judgement, observed, form = row.judgement, row.observed, row.cell.form
+    if observed is None:
+        subject = "" if form.text == row.verdict else f"{form.text}: "
+        return f"{subject}{row.verdict}" + (f" ({judgement.reason})" if judgement.reason else "")
+    measured = observed.measured
+    if measured.law == "exact":
+        return f"{form.text}: {measured.estimate:.3g}, tolerance {row.region.high:.3g}: {row.verdict}"
+    subject = f"win probability of {form.text}" if observed.decided_on == "wins" else form.text
+    text = f"{subject}: {measured.estimate:.4g} +- {measured.se:.2g}"
+    if form.printed:
+        text += f", printed {form.printed.value:g}: {row.verdict}"
+    elif row.verdict != "shown":
+        text += f", claimed {row.region}: {row.verdict}"
+    notes = [*_judgement_notes(row), *_run_notes(row)]
+    return text + (f" ({'; '.join(notes)})" if notes else "")
+
+
+def _judgement_notes(row: Row) -> Iterable[str]:
+    judgement = row.judgement
+    if judgement.reason:
+        yield judgement.reason
+    if not isnan(judgement.resolution):
+        yield f"resolution {_percent(judgement.resolution)}"
+    if not isnan(judgement.flip_at) and abs(judgement.flip_at) < inf:
+        away = "" if isnan(judgement.flip_percent) else f", {_percent(judgement.flip_percent)} away"
+        yield f"would flip at {judgement.flip_at:.4g}{away}"
+    if row.verdict == "inconclusive" and row.observed and row.observed.measured.runs > 1:
+        runs = "repeats" if row.cell.family == "timing" else "runs"
+        needed = judgement.runs_needed
+        yield (
+            f"about {_rounded(needed)} {runs} would decide"
+            if needed
+            else f"no affordable number of {runs} would decide"
+        )
+
+
+def _run_notes(row: Row) -> Iterable[str]:
+    observed = row.observed
+    if observed and (observed.lost or observed.failed):
+        yield f"{observed.lost} runs lost, {observed.failed} of them failed"
+        yield f"mean {observed.mean:.4g}, median {observed.median:.4g}"
+    if observed and observed.chosen:
+        yield f"chosen on tuning runs: {observed.chosen}"
+
+
+def _percent(value: float) -> str:
+    return f"{value:.2g} %" if value < 100 else f"{value:.0f} %"
+
+
+def _rounded(number: int) -> int:
+    """Up to two digits: 6092 is 6100."""
+    unit = 10 ** max(len(str(number)) - 2, 0)
+    return -(-number // unit) * unit
+
+
+def summary(verdicts: Iterable[ClaimVerdict], reading: str) -> str:
+    """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced`."""
+    total = counts(verdicts, reading)
+    said = sum((total[each] for each in IN_TEXT if each in total), Counter[Verdict]())
+    apart = sum((number for each, number in total.items() if each not in IN_TEXT), Counter[Verdict]())
+    parts = [f"{said['reproduced']} of {said.total()} claims reproduced"]
+    parts += [f"{said[verdict]} {verdict}" for verdict in _OTHERS if said[verdict]]
+    text = ", ".join(parts)
+    if apart:
+        text += f"; of {apart.total()} reconstructed or our own, {apart['reproduced']} reproduced"
+    return text

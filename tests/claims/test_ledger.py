@@ -1,0 +1,231 @@
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rkfbench.claims import records
+from rkfbench.claims.ledger import ClaimVerdict, Row, claim_verdicts, counts, family_of, ledger, under_switch
+from rkfbench.claims.plan import Outline, plan
+from rkfbench.claims.records import COLUMNS, KEY, record, stored, verify
+from rkfbench.claims.verdict import judge
+from rkfbench.claims.words import sentence, summary
+from rkfbench.errors import UsageError
+from rkfbench.scenario.paper_schema import Paper
+from tests.claims.fakes import Arrays
+
+M = 100
+RNG = np.random.default_rng(3)
+COMMON = RNG.normal(size=M)
+STATS = Arrays(
+    {
+        (case, filter, metric): level + 0.02 * k + COMMON + 0.2 * RNG.normal(size=M)
+        for k, case in enumerate(("R1", "R2"))
+        for filter, level in (("a", 8.0), ("b", 7.0), ("c", 6.98))
+        for metric in ("e", "time_ms")
+    },
+    checks={"p.T1": (1e-12, 1e-9)},
+)
+OUTLINES = {"s": Outline(("literal", "root"), ("R1", "R2"), ("a", "b", "c", "x"), ("e",), ("p.T1",), paper_runs=25)}
+BASE: dict[str, Any] = {"metric": "e", "cases": ["R1", "R2"]}
+CLAIMS: list[dict[str, Any]] = [
+    {"id": "P-1", "ordering": BASE | {"filters": ["a", "b"]}, "beside": [{"show": BASE | {"filters": "a / b"}}]},
+    {"id": "P-2", "ordering": BASE | {"filters": ["b", "a"]}, "evidence": "literature"},
+    {"id": "P-3", "ordering": BASE | {"filters": ["b", "c"]}, "evidence": "reconstruction"},
+    {"id": "P-4", "exact": {"check": "p.T1"}},
+    {"id": "P-5", "unsupported": {"reason": "sec. 4 gives no proof"}},
+    {"id": "P-6", "not_testable": {"reason": "no numbers in the figure"}},
+    {"id": "P-7", "ordering": BASE | {"filters": ["a", "x"]}, "extra": True},
+    {"id": "P-8", "ordering": BASE | {"metric": "time_ms", "filters": ["a", "b"]}},
+    {"id": "t-{row}", "value": {"table": "t"}, "evidence": "ours"},
+]
+TABLE = {
+    "title": "T",
+    "runs": 25,
+    "metric": "e",
+    "columns": [{"label": "R1", "case": "R1"}, {"label": "R2", "case": "R2"}],
+    "rows": [
+        {"label": "A", "filter": "a", "values": [8.0, 8.0]},
+        {"label": "B", "filter": "b", "values": [7.0, 12.0]},
+    ],
+}
+
+
+def paper(**changes: Any) -> Paper:
+    claims = [{"says": "x", **claim} for claim in changes.pop("claims", CLAIMS)]
+    base = {"cite": "x", "scenarios": ["s"], "headline": ["P-1"], "tables": {"t": TABLE}, "claims": claims}
+    return Paper.model_validate(base | changes)
+
+
+def rows(of: Paper | None = None) -> tuple[Row, ...]:
+    of = of or paper()
+    return ledger(of, plan(of, OUTLINES), {"s": STATS}, OUTLINES)
+
+
+def verdicts() -> dict[str, ClaimVerdict]:
+    return {each.id: each for each in claim_verdicts(paper(), rows(), OUTLINES)}
+
+
+def test_every_claim_has_a_verdict_under_every_reading_in_the_order_of_the_file() -> None:
+    found = {name: dict(each.verdicts) for name, each in verdicts().items()}
+    assert list(found) == ["P-1", "P-2", "P-3", "P-4", "P-5", "P-6", "P-7", "P-8", "t-a", "t-b"]
+    assert found == {
+        name: {"literal": verdict, "root": verdict}
+        for name, verdict in {
+            "P-1": "reproduced",
+            "P-2": "not reproduced",
+            "P-3": "inconclusive",
+            "P-4": "reproduced",
+            "P-5": "unsupported",
+            "P-6": "not testable",
+            "P-7": "not run",
+            "P-8": "reproduced",
+            "t-a": "reproduced",
+            "t-b": "not reproduced",
+        }.items()
+    }
+
+
+def test_the_decisive_row_is_the_weakest_of_a_claim_that_holds_and_the_worst_of_one_that_fails() -> None:
+    holds, fails = verdicts()["P-1"], verdicts()["t-b"]
+    margins = [row.judgement.flip_percent for row in holds.rows["root"]]
+    assert holds.decisive["root"].judgement.flip_percent == min(margins)
+    assert fails.decisive["root"].cell.form.printed is not None
+    assert fails.decisive["root"].cell.form.printed.value == 12.0
+
+
+def test_families_are_judged_apart() -> None:
+    of = paper()
+    cells = plan(of, OUTLINES)
+    size = family_of(of, cells, OUTLINES)
+    sizes = {cell.id: size(cell) for cell in cells}
+    assert sizes["P-1"] == sizes["t-a"] == 10  # three orderings in two cases, and four printed numbers
+    assert (sizes["P-7"], sizes["P-8"], sizes["P-4"]) == (2, 2, 1)
+
+
+def test_a_row_shows_what_the_papers_own_number_of_runs_could_have_seen() -> None:
+    row = rows()[0]
+    assert row.observed is not None
+    there = judge(row.observed.measured.at(25), row.region, row.family_size)
+    assert row.paper_runs == 25
+    assert row.at_paper_runs == there.verdict
+
+
+def test_counts_keep_what_the_paper_says_apart_from_the_rest_and_leave_out_extras_and_times() -> None:
+    found = counts(verdicts().values(), "root")
+    assert found == {
+        "text": Counter({"reproduced": 2, "unsupported": 1, "not testable": 1}),
+        "literature": Counter({"not reproduced": 1}),
+        "reconstruction": Counter({"inconclusive": 1}),
+        "ours": Counter({"reproduced": 1, "not reproduced": 1}),
+    }
+    assert summary(verdicts().values(), "root") == (
+        "2 of 5 claims reproduced, 1 not reproduced, 1 not testable, 1 unsupported; "
+        "of 3 reconstructed or our own, 1 reproduced"
+    )
+
+
+def test_headline_claims_are_measured_again_under_a_switch() -> None:
+    of = paper()
+    cells = under_switch(plan(of, OUTLINES), of, "s", "literal", "mixture R")
+    assert [cell.key for cell in cells] == [
+        ("P-1", "decides", "ordering", f"a - b in e at {case}", "s", "mixture R") for case in ("R1", "R2")
+    ]
+
+
+def test_a_scenario_without_results_is_not_run() -> None:
+    of = paper()
+    found = {row.verdict for row in ledger(of, plan(of, OUTLINES), {}, OUTLINES)}
+    assert found == {"not run", "unsupported", "not testable"}
+
+
+def test_sentences_say_estimate_claim_verdict_and_margin() -> None:
+    said = {row.cell.id: sentence(row) for row in rows() if row.cell.role == "decides"}
+    assert said["P-1"].startswith("a - b in e at R2: ")
+    assert "claimed > 0: reproduced (would flip at" in said["P-1"]
+    assert "% away" in said["P-1"]
+    assert "runs would decide" in said["P-3"]
+    assert said["P-4"] == "deviation of p.T1: 1e-12, tolerance 1e-09: reproduced"
+    assert said["P-5"] == "unsupported (sec. 4 gives no proof)"
+    assert "printed 12: not reproduced" in said["t-b"]
+    assert "resolution" in said["t-a"]
+
+
+def test_a_row_that_is_written_and_read_is_judged_the_same_to_the_last_bit() -> None:
+    of, first = paper(), rows()
+    cells = plan(of, OUTLINES)
+    lines = [record(row) for row in first]
+    again, changes = verify(of, cells, map(stored, lines), OUTLINES)
+    assert changes == ()
+    assert [record(row) for row in again] == lines
+    assert all(tuple(line) == COLUMNS for line in lines)
+    assert len({tuple(line[name] for name in KEY) for line in lines}) == len(lines)
+
+
+def test_text_read_from_a_file_gives_the_same_rows() -> None:
+    of, first = paper(), rows()
+
+    def through_text(value: object) -> object:  # what a CSV file does to a value
+        text = "" if value is None else repr(value) if isinstance(value, float) else str(value)
+        if text == "":
+            return None
+        for kind in (int, float):
+            try:
+                return kind(text)
+            except ValueError:
+                pass
+        return text
+
+    lines = [{name: through_text(value) for name, value in record(row).items()} for row in first]
+    again, changes = verify(of, plan(of, OUTLINES), map(stored, lines), OUTLINES)
+    assert changes == ()
+    assert [record(row) for row in again] == [record(row) for row in first]
+
+
+def test_a_region_moved_past_the_estimate_flips_the_verdict_from_stored_lines_alone() -> None:
+    lines = [stored(record(row)) for row in rows()]
+    moved = [dict(claim) for claim in CLAIMS]
+    moved[0]["ordering"] = moved[0]["ordering"] | {"margin": 3.0}
+    changed = paper(claims=moved)
+    _, changes = verify(changed, plan(changed, OUTLINES), lines, OUTLINES)
+    assert {(each.key[0], each.before, each.now, each.matters) for each in changes} == {
+        ("P-1", "reproduced", "not reproduced", True)
+    }
+
+
+def test_new_and_vanished_claims_are_changes_and_times_never_matter() -> None:
+    lines = [stored(record(row)) for row in rows()]
+    renamed = paper(claims=[*CLAIMS[:-1], {"id": "P-9", "bound": BASE | {"filters": "a", "above": 1}}])
+    _, changes = verify(renamed, plan(renamed, OUTLINES), lines, OUTLINES)
+    assert {(each.key[0], each.before == "", each.now) for each in changes} == {
+        ("P-9", True, "not run"),
+        ("t-a", False, ""),
+        ("t-b", False, ""),
+    }
+    slower = paper(claims=[*CLAIMS[:7], {"id": "P-8", "ordering": CLAIMS[7]["ordering"] | {"margin": 9.0}}, CLAIMS[8]])
+    _, changes = verify(slower, plan(slower, OUTLINES), lines, OUTLINES)
+    assert {(each.key[0], each.matters) for each in changes} == {("P-8", False)}
+
+
+def test_a_line_of_another_version_is_refused() -> None:
+    line = record(rows()[0])
+    with pytest.raises(UsageError, match="no lower"):
+        stored({name: value for name, value in line.items() if name != "lower"})
+    with pytest.raises(UsageError, match="claim P-1"):
+        stored(line | {"estimate": "many"})
+
+
+def test_a_stored_win_probability_is_judged_as_one() -> None:
+    gone = Arrays(STATS.arrays, {("R1", "b"): np.arange(M) < 2}, STATS.checks)
+    of = paper()
+    cells = plan(of, OUTLINES)
+    first = ledger(of, cells, {"s": gone}, OUTLINES)
+    assert first[0].observed is not None
+    assert first[0].observed.decided_on == "wins"
+    again, changes = verify(of, cells, [stored(record(row)) for row in first], OUTLINES)
+    assert changes == ()
+    assert again[0].region == first[0].region == replace(first[0].region, low=0.5)
+    assert records.record(again[0]) == record(first[0])

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rkfbench.claims.words import sentence
+from tests.claims.fakes import Arrays, rows_of, verdict_of
+
+M = 300
+RNG = np.random.default_rng(11)
+A, B = 5 + RNG.normal(size=M), 4 + RNG.normal(size=M)
+FIRST = np.arange(M) < 3
+ORDERING = {"ordering": {"metric": "e", "filters": ["a", "b"]}}
+
+
+WILD = np.where(FIRST, 1e12, B)
+
+
+def stats(a: np.ndarray = A, b: np.ndarray = B, lost_a: object = None, lost_b: object = None) -> Arrays:
+    lost = {("", name): gone for name, gone in (("a", lost_a), ("b", lost_b)) if gone is not None}
+    return Arrays({("", "a", "e"): a, ("", "b", "e"): b}, lost=lost)
+
+
+def test_an_ordering_with_a_lost_run_is_decided_on_the_win_probability() -> None:
+    (row,) = rows_of(ORDERING, stats(b=WILD, lost_b=FIRST))
+    assert row.observed is not None
+    assert row.observed.decided_on == "wins"
+    assert row.observed.measured.estimate == pytest.approx(np.where(FIRST, False, A > B).mean())
+    assert (row.observed.lost, row.observed.failed) == (3, 0)
+    assert row.observed.mean < -1e9  # the mean is ruined, and shown
+    assert row.observed.median == pytest.approx(np.median(A) - np.median(WILD))
+    assert row.verdict == "reproduced"
+    assert "win probability" in sentence(row)
+
+
+def test_without_lost_runs_the_mean_decides() -> None:
+    (row,) = rows_of(ORDERING, stats(b=WILD))
+    assert row.observed is not None
+    assert row.observed.decided_on == "estimate"
+    assert row.verdict == "inconclusive"
+
+
+def test_failed_runs_count_as_lost() -> None:
+    (row,) = rows_of(ORDERING, stats(a=np.where(FIRST, np.nan, A)))
+    assert row.observed is not None
+    assert (row.observed.decided_on, row.observed.failed) == ("wins", 3)
+    assert row.observed.measured.estimate == pytest.approx(np.where(FIRST, True, A > B).mean())
+
+
+def test_a_run_lost_by_both_is_a_tie() -> None:
+    (row,) = rows_of(ORDERING, stats(lost_a=FIRST, lost_b=FIRST))
+    assert row.observed is not None
+    assert row.observed.measured.ties == 3
+    assert row.observed.measured.estimate == pytest.approx(np.where(FIRST, 0.5, A > B).mean())
+
+
+def test_a_metric_where_large_is_good_can_say_so() -> None:
+    claim = {"ordering": {"metric": "e", "filters": ["a", "b"], "lost": "smallest"}}
+    (row,) = rows_of(claim, stats(lost_a=FIRST))
+    assert row.observed is not None
+    assert row.observed.measured.estimate == pytest.approx(np.where(FIRST, False, A > B).mean())
+
+
+def test_the_spread_is_measured_on_all_runs_that_did_not_fail() -> None:
+    claim = {"ordering": {"metric": "e", "filters": ["a", "b"], "statistic": "sd"}}
+    (row,) = rows_of(claim, stats(a=np.where(FIRST, np.nan, A), lost_b=FIRST))
+    assert row.observed is not None
+    assert (row.observed.decided_on, row.observed.measured.runs) == ("estimate", M - 3)
+    assert row.observed.measured.estimate == pytest.approx(A[3:].std(ddof=1) - B[3:].std(ddof=1))
+
+
+def test_other_claims_are_measured_on_the_runs_that_failed_nowhere() -> None:
+    claim = {"ratio": {"metric": "e", "filters": ["a", "b"], "above": 1}}
+    (row,) = rows_of(claim, stats(a=np.where(FIRST, np.nan, A)))
+    assert row.observed is not None
+    assert row.observed.measured.runs == M - 3
+    assert row.observed.measured.estimate == pytest.approx(A[3:].mean() / B[3:].mean())
+
+
+def test_failure_rates_are_compared_as_rare_events() -> None:
+    claim = {"ordering": {"metric": "lost", "filters": ["a", "b"]}}
+    assert verdict_of(claim, stats()) == "inconclusive"
+    assert verdict_of(claim, stats(lost_a=FIRST)) == "inconclusive"
+    assert verdict_of(claim, stats(lost_a=np.arange(M) < 12)) == "reproduced"
+    assert verdict_of(claim, stats(lost_b=np.arange(M) < 12)) == "not reproduced"
+
+
+def test_a_filter_that_fails_always_decides_by_wins_and_has_no_mean() -> None:
+    dead = np.full(M, np.nan)
+    assert verdict_of(ORDERING, stats(a=dead)) == "reproduced"
+    assert verdict_of({"bound": {"metric": "e", "filters": "a", "below": 1}}, stats(a=dead)) == "inconclusive"
+
+
+def test_a_median_counts_failed_runs_as_infinite() -> None:
+    many = np.arange(M) < 100
+    claim = {"bound": {"metric": "e", "filters": "a", "below": 9, "statistic": "median"}}
+    (row,) = rows_of(claim, stats(a=np.where(many, np.nan, A)))
+    assert row.observed is not None
+    assert row.observed.measured.estimate == pytest.approx(np.median(np.where(many, np.inf, A)))
+    assert row.verdict == "reproduced"
+    assert verdict_of(claim, stats(a=np.where(np.arange(M) < 200, np.nan, A))) == "inconclusive"

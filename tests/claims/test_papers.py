@@ -1,0 +1,50 @@
+"""The papers' files as they are bundled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from rkfbench.claims.plan import faults, outline, plan
+from rkfbench.errors import ScenarioError
+from rkfbench.scenario import load, load_paper
+from rkfbench.scenario.claims import names_used
+
+ALADKF = {
+    *("C0", "C1a", "C1b", "C1c", "C1d", "T1", "T2", "T3", "T4", "T5", "H1", "H2", "H3", "H4", "H5", "H6", "L1", "A1"),
+    *("C2a", "C2b", "C2c", "C2d", "C3a", "C3b", "C3c", "C3d", "C3e", "C3f", "C3g", "C3h", "C4a", "C4b", "C4c", "C5"),
+}
+
+
+def test_the_aladkf_paper_has_all_claims_of_its_note() -> None:
+    paper = load_paper("aladkf-2020")
+    assert {claim.id for claim in paper.claims} == {f"aladkf-{name}" for name in ALADKF}
+    assert 1 <= len(paper.headline) <= 6
+    assert all(claim.locator and claim.says for claim in paper.claims)
+
+
+def test_thresholds_that_the_paper_does_not_give_say_that_they_are_ours() -> None:
+    chance = {"aladkf-C5": 0.5}  # the AUC of guessing is no choice of ours
+    for claim in load_paper("aladkf-2020").claims:
+        bounds = [getattr(claim.body, name, None) for name in ("above", "below", "margin")]
+        if any(bound not in (None, 0.0, chance.get(claim.id)) for bound in bounds):
+            assert "ours" in claim.says, claim.id
+
+
+def test_its_claims_fit_the_scenario_and_its_frozen_family() -> None:
+    paper = load_paper("aladkf-2020")
+    offered = outline(load("contamination-rates"), timed=("hkf_root_once", "hkf_cholesky"))
+    used = {use.name for claim in paper.claims for _, use in names_used(claim) if use.kind == "metric"}
+    known = {"contamination-rates": replace(offered, metrics=(*offered.metrics, *used))}
+    assert [str(fault) for fault in faults(paper, known)] == []
+    assert plan(paper, known)
+
+
+def test_a_wrong_name_is_told_with_its_line() -> None:
+    offered = outline(load("contamination-rates"))
+    without = {"contamination-rates": replace(offered, filters=("kf", "hkf"))}
+    with pytest.raises(ScenarioError, match=r"aladkf-2020.yaml:\d+:\d+: .*unknown filter 'aladkf'") as caught:
+        load_paper("aladkf-2020", lambda paper: faults(paper, without))
+    problem = next(each for each in caught.value.problems if "unknown filter 'aladkf'" in each.message)
+    assert "aladkf" in problem.source[problem.column - 1 :]
