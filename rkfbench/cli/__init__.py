@@ -1,0 +1,21 @@
+"""The command `rkfbench`: parse, call, print, exit code. The only part that prints or exits.
+
+Everything heavy is imported inside the commands, so that `rkfbench --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+
+from rkfbench import blas
+
+
+def main() -> None:
+    """Entry point of the command."""
+    blas.one_thread()
+    try:
+        from rkfbench.cli.commands import app
+
+        app(prog_name="rkfbench")
+    except KeyboardInterrupt:
+        sys.exit(130)

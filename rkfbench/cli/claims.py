@@ -1,0 +1,114 @@
+"""The commands about claims: verify, explain, report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rkfbench.cli.common import command
+from rkfbench.cli.terminal import Terminal
+
+if TYPE_CHECKING:
+    from rkfbench.claims.ledger import Row
+
+Folders = Annotated[list[Path], typer.Argument(help="Results folders.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    for each in (verify, explain, report):
+        app.command()(each)
+
+
+@command
+def verify(terminal: Terminal, folders: Folders) -> None:
+    """Judge the claims as they stand now on the numbers of results folders.
+
+    Exit code 3 when a verdict differs from the one in claims.csv.
+    """
+    from rkfbench.claims.records import record
+    from rkfbench.errors import Different
+    from rkfbench.judge import verified
+
+    judged = [each for folder in folders for each in verified(folder)]
+    rows = [row for each in judged for row in each.rows]
+    changes = [change for each in judged for change in each.changes]
+    if terminal.json:
+        terminal.object([record(row) for row in rows])
+    else:
+        columns = ["claim", "reading", "verdict", "estimate", "lower", "upper", "claimed", "flips at", "estimand"]
+        terminal.records([_line(row) for row in rows], columns)
+    if changes:
+        told = [f"{' '.join(change.key)}: {change.before or 'new'} -> {change.now or 'gone'}" for change in changes]
+        raise Different("\n".join([*told, f"{len(changes)} verdicts differ from claims.csv"]))
+
+
+@command
+def explain(
+    terminal: Terminal,
+    claim: Annotated[str, typer.Argument(help="The id of a claim, as the ledger shows it.")],
+    folders: Annotated[list[Path], typer.Argument(help="Results folders (default: all below results/).")] = [],
+) -> None:
+    """Explain one claim: what the paper says, what was measured, its verdicts, and when they would flip."""
+    from rkfbench.claims.records import record
+    from rkfbench.claims.words import sentence
+    from rkfbench.errors import UsageError, did_you_mean
+    from rkfbench.judge import verified
+    from rkfbench.reproduce import folders_with_claims
+
+    rows = [row for folder in folders or folders_with_claims() for each in verified(folder) for row in each.rows]
+    mine = [row for row in rows if claim in (row.cell.id, row.cell.claim.id)]
+    if not mine:
+        known = dict.fromkeys(row.cell.id for row in rows)
+        raise UsageError(f"no results decide a claim '{claim}'{did_you_mean(claim, known)}")
+    if terminal.json:
+        terminal.object([record(row) for row in mine])
+        return
+    said = mine[0].cell.claim
+    terminal.data(f"{claim}: {said.says}")
+    terminal.data(f"{said.locator} (evidence: {said.evidence})" if said.locator else f"evidence: {said.evidence}")
+    for row in mine:
+        role = "" if row.cell.role == "decides" else "beside: "
+        terminal.data(f"\n[{row.cell.reading}] {role}{sentence(row)}")
+        terminal.data(f"  interval {_span(row)}, one of {row.family_size} judged together")
+    for scenario in dict.fromkeys(row.cell.form.scenario for row in mine):
+        terminal.data(f"\nrepeat with: rkfbench run {scenario}")
+
+
+@command
+def report(
+    terminal: Terminal,
+    folders: Folders,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the report (default: the first folder).")
+    ] = None,
+) -> None:
+    """Make tables, figures and report again from results folders; runs no filter."""
+    from rkfbench.report.page import write_report
+    from rkfbench.report.render import render
+
+    for folder in folders:
+        render(folder)
+    for path in write_report(folders, out or folders[0]):
+        terminal.data(str(path))
+
+
+def _line(row: Row) -> dict[str, Any]:
+    measured = row.observed.measured if row.observed else None
+    return {
+        "claim": row.cell.id,
+        "reading": row.cell.reading,
+        "verdict": row.verdict if row.cell.role == "decides" else f"({row.verdict})",
+        "estimate": measured.estimate if measured else None,
+        "lower": row.judgement.lower if measured else None,
+        "upper": row.judgement.upper if measured else None,
+        "claimed": f"printed {row.cell.form.printed.value:g}" if row.cell.form.printed else str(row.region),
+        "flips at": row.judgement.flip_at if measured else None,
+        "estimand": row.cell.form.text,
+    }
+
+
+def _span(row: Row) -> str:
+    return f"{row.judgement.lower:.6g} .. {row.judgement.upper:.6g}" if row.observed else "none"

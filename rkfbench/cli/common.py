@@ -1,0 +1,70 @@
+"""What all commands share: the options about output, and how an exception becomes a message and an exit code."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from functools import wraps
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from rkfbench.cli.terminal import Terminal
+from rkfbench.errors import RkfbenchError
+
+INTERRUPTED = 130
+
+OUTPUT: dict[str, Any] = {
+    "as_json": Annotated[bool, typer.Option("--json", help="Print data as JSON.")],
+    "quiet": Annotated[bool, typer.Option("-q", "--quiet", help="Print only data and errors.")],
+    "verbose": Annotated[bool, typer.Option("-v", "--verbose", help="Print tracebacks.")],
+    "no_color": Annotated[bool, typer.Option("--no-color", help="No colours (also: environment variable NO_COLOR).")],
+}
+
+
+def command(function: Callable[..., None]) -> Callable[..., None]:
+    """Make a command of a function whose first parameter is the terminal: adds the options about output.
+
+    Whatever the function raises ends the command with one clear message and the exit code of the error; a traceback is
+    shown only with -v.
+    """
+
+    @wraps(function)
+    def run(*, as_json: bool, quiet: bool, verbose: bool, no_color: bool, **params: Any) -> None:
+        terminal = Terminal(as_json, quiet, verbose, color=not (no_color or os.environ.get("NO_COLOR")))
+        try:
+            function(terminal, **params)
+            sys.stdout.flush()
+        except typer.Exit:
+            raise
+        except BrokenPipeError:  # the reader of a pipe (head, less) went away: nothing to tell
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(0) from None
+        except KeyboardInterrupt:
+            kept = f"; {terminal.activity}" if terminal.activity else ""
+            terminal.error(f"interrupted{kept}: the same command goes on from there")
+            raise typer.Exit(INTERRUPTED) from None
+        except Exception as error:
+            if verbose:
+                terminal.error(traceback.format_exc())
+            elif isinstance(error, RkfbenchError):
+                terminal.error(str(error))
+            else:
+                terminal.error(
+                    f"{type(error).__name__}: {error}\nnot expected: run again with -v to see where it happened"
+                )
+            raise typer.Exit(error.exit_code if isinstance(error, RkfbenchError) else 1) from None
+
+    hints = get_type_hints(function, include_extras=True)
+    signature = inspect.signature(function)
+    own = [each.replace(annotation=hints[name]) for name, each in list(signature.parameters.items())[1:]]
+    options = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=hint)
+        for name, hint in OUTPUT.items()
+    ]
+    run.__signature__ = signature.replace(parameters=[*own, *options])  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in [*own, *options]}
+    return run

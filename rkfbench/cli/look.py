@@ -1,0 +1,144 @@
+"""The commands that show what is there: list, show, schema, compare."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rkfbench.cli.common import command
+from rkfbench.cli.terminal import Terminal
+
+# kind -> (module, name of its catalogue)
+CATALOGUES = {
+    "filters": ("rkfbench.filters", "FILTERS"),
+    "moments": ("rkfbench.filters", "MOMENTS"),
+    "weights": ("rkfbench.filters", "WEIGHTS"),
+    "schemes": ("rkfbench.filters", "SCHEMES"),
+    "models": ("rkfbench.models", "MODELS"),
+    "noises": ("rkfbench.noise", "LAWS"),
+    "metrics": ("rkfbench.metrics", "METRICS"),
+}
+
+Kind = StrEnum("Kind", [(kind, kind) for kind in (*CATALOGUES, "scenarios")])  # type: ignore[misc]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command("list")(list_)
+    app.command()(show)
+    app.command()(schema)
+    app.command()(compare)
+
+
+@command
+def list_(terminal: Terminal, kind: Annotated[Kind, typer.Argument(help="What to list.")]) -> None:
+    """List what a scenario can name, or the bundled scenarios."""
+    if kind == "scenarios":
+        from rkfbench.scenario import bundled, load
+
+        scenarios = [load(name) for name in bundled()]
+        rows = [{"name": each.name, "paper": each.paper or "", "summary": each.title} for each in scenarios]
+        terminal.records(rows, ["name", "paper", "summary"])
+        return
+    rows = [
+        {"name": name, "paper": entry.paper, "equations": entry.equations, "summary": entry.summary}
+        for name, entry in _catalogue(kind).items()
+    ]
+    terminal.records(rows, ["name", "paper", "equations", "summary"])
+
+
+@command
+def show(terminal: Terminal, name: Annotated[str, typer.Argument(help="Any name that list prints.")]) -> None:
+    """Show what a name stands for: its parameters, paper and equations; of a scenario, all of it with defaults."""
+    from rkfbench.errors import UsageError, did_you_mean
+    from rkfbench.scenario import bundled, load
+
+    entries = {kind: catalogue[name] for kind in CATALOGUES if name in (catalogue := _catalogue(kind))}
+    if entries:
+        pages = [_page(name, kind, entry) for kind, entry in entries.items()]
+        if terminal.json:
+            terminal.object(pages)
+        else:
+            terminal.data("\n".join(_text(page) for page in pages))
+    elif name in bundled() or "." in name or "/" in name:
+        resolved = load(name).resolved
+        if terminal.json:
+            terminal.object(resolved)
+        else:
+            import yaml
+
+            terminal.data(yaml.safe_dump(resolved, sort_keys=False, allow_unicode=True, width=120))
+    else:
+        known = [*bundled(), *(each for kind in CATALOGUES for each in _catalogue(kind))]
+        raise UsageError(f"nothing is called '{name}'{did_you_mean(name, known)}")
+
+
+@command
+def schema(terminal: Terminal) -> None:
+    """Print the JSON Schema of scenario files, for editors."""
+    from rkfbench.scenario.json_schema import schema as json_schema
+
+    terminal.object(json_schema())
+
+
+@command
+def compare(
+    terminal: Terminal,
+    a: Annotated[Path, typer.Argument(help="A results folder.")],
+    b: Annotated[Path, typer.Argument(help="Another one.")],
+) -> None:
+    """Compare two results folders: same bytes, same numbers, or a statistical difference (exit code 3)."""
+    from rkfbench.compare import compare as compared
+    from rkfbench.errors import Different
+    from rkfbench.store import Results
+
+    found = compared(Results.open(a), Results.open(b))
+    rows = [each.as_row() for each in found.differences]
+    if terminal.json:
+        terminal.object({"level": found.level, "rows": found.rows, "threshold": found.threshold, "differences": rows})
+    else:
+        terminal.data(f"{found.level} ({found.rows} rows of summary.csv)")
+        if rows:
+            terminal.records(rows, ["reading", "case", "filter", "metric", "a", "b", "z"])
+    if found.level == "different":
+        raise Different(f"{a} and {b} differ in {len(rows)} rows")
+
+
+def _catalogue(kind: str) -> dict[str, Any]:
+    from importlib import import_module
+
+    module, name = CATALOGUES[kind]
+    catalogue: dict[str, Any] = getattr(import_module(module), name)
+    return catalogue
+
+
+def _page(name: str, kind: str, entry: Any) -> dict[str, Any]:
+    import inspect
+
+    from rkfbench.catalogue import parameters
+
+    return {
+        "name": name,
+        "kind": kind.removesuffix("s"),
+        "paper": entry.paper,
+        "equations": entry.equations,
+        "needs": sorted(entry.needs),
+        "text": inspect.getdoc(entry.make) or "",
+        "parameters": [
+            {"name": each.name, "default": "required" if each.required else each.default, "meaning": each.doc}
+            for each in parameters(entry.make).values()
+        ],
+    }
+
+
+def _text(page: dict[str, Any]) -> str:
+    source = ", ".join(part for part in (page["paper"], page["equations"]) if part)
+    lines = [f"{page['name']} ({page['kind']}{'; ' + source if source else ''})", "", page["text"], ""]
+    if page["needs"]:
+        lines += [f"Knows more than the measurements: {', '.join(page['needs'])}.", ""]
+    for each in page["parameters"]:
+        lines.append(f"  {each['name']} = {each['default']}: {each['meaning']}")
+    return "\n".join(lines).rstrip() + "\n"

@@ -1,0 +1,123 @@
+"""What the user sees: data on stdout, everything else on stderr, progress while a study runs.
+
+On a terminal the progress is a bar with rate and time left (rich); elsewhere it is one plain line for each finished
+case. `--json` turns data into JSON, `-q` silences all but data and errors, `-v` shows tracebacks.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rkfbench.study.run import Event
+
+
+@dataclass
+class Terminal:
+    """The two streams, with the manner of speaking that the options ask for."""
+
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    color: bool = True
+    activity: str = ""  # what an interruption would leave behind
+
+    def data(self, text: str) -> None:
+        """What was asked for."""
+        sys.stdout.write(text if text.endswith("\n") else text + "\n")
+
+    def note(self, text: str) -> None:
+        """What happens on the way."""
+        if not self.quiet:
+            print(text, file=sys.stderr)
+
+    def error(self, text: str) -> None:
+        """What went wrong."""
+        print(text, file=sys.stderr)
+
+    def records(self, records: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> None:
+        """A table, as aligned columns or as JSON."""
+        if self.json:
+            self.object(list(records))
+            return
+        rows = [list(columns), *([_cell(record.get(column)) for column in columns] for record in records)]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        for row in rows:
+            self.data("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+
+    def object(self, content: Any) -> None:
+        """Plain data as JSON."""
+        self.data(json.dumps(content, indent=2, ensure_ascii=False, default=str))
+
+    @contextmanager
+    def progress(self, name: str) -> Iterator[Callable[[Event], None]]:
+        """A listener to the events of the study called `name`."""
+        with self._bar(name) as advance:
+
+            def listen(event: Event) -> None:
+                from rkfbench.study import run
+
+                match event:
+                    case run.Recomputing(case, reason):
+                        self.note(f"{name}: recomputing {case}: {reason}")
+                    case run.Failure():
+                        self.error(f"{name}: {event}" + (f"\n{event.traceback}" if self.verbose else ""))
+                    case _:
+                        advance(event)
+
+            yield listen
+
+    @contextmanager
+    def _bar(self, name: str) -> Iterator[Callable[[Event], None]]:
+        from rkfbench.study import run
+
+        kept = 0
+
+        def count(event: Event) -> None:
+            nonlocal kept
+            if isinstance(event, run.BlockDone):
+                kept += 1
+                self.activity = f"{kept} finished block{'s' if kept != 1 else ''} of {name} kept"
+
+        if self.quiet or not sys.stderr.isatty():
+
+            def plain(event: Event) -> None:
+                count(event)
+                if isinstance(event, run.CaseDone):
+                    self.note(f"{name}: {event.case}: {event.runs} runs, {event.filters} filters")
+
+            yield plain
+            return
+
+        from rich import progress
+        from rich.console import Console
+
+        columns = (
+            progress.TextColumn("{task.description}"),
+            progress.BarColumn(),
+            progress.MofNCompleteColumn(),
+            progress.TextColumn("{task.fields[case]}"),
+            progress.TimeRemainingColumn(),
+        )
+        with progress.Progress(*columns, console=Console(stderr=True, no_color=not self.color or None)) as bar:
+            task = bar.add_task(name, total=None, case="")
+
+            def advance(event: Event) -> None:
+                count(event)
+                if isinstance(event, run.Planned):
+                    bar.update(task, total=event.missing)
+                elif isinstance(event, run.BlockDone):
+                    bar.update(task, advance=1, case=event.case)
+
+            yield advance
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

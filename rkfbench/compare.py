@@ -1,0 +1,127 @@
+"""Two results folders side by side: the same bytes, the same numbers to a tolerance, or a statistical difference.
+
+Numbers that differ by more than the tolerance are tested, each summary row by a z-value: on the paired differences of
+the runs where both folders keep them and the seeds agree, else on the two means. The threshold is the Bonferroni value
+of a 95 % family of all rows that are tested. Rows that only one folder has are differences.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from statistics import NormalDist
+from typing import Any, Literal
+
+import numpy as np
+
+from rkfbench.store.results import Results, Row
+
+TOLERANCE = 1e-9  # relative: what another machine may change
+FAMILY_ERROR = 0.05
+TABLES = ("summary.csv", "series.csv", "filters.csv", "runs.csv", "checks.csv")
+
+Key = tuple[str, str, str, str]  # reading, case, filter, metric
+Level = Literal["same bytes", "same to the tolerance", "no statistical difference", "different"]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A summary row whose means differ: by how much, in standard errors of the difference."""
+
+    key: Key
+    a: float | None
+    b: float | None
+    z: float  # infinite when the standard error is zero or a row is missing
+
+    def swapped(self) -> Difference:
+        """The same seen from the other side."""
+        return Difference(self.key, self.b, self.a, -self.z)
+
+    def as_row(self) -> Row:
+        reading, case, filter, metric = self.key
+        return {
+            "reading": reading,
+            "case": case,
+            "filter": filter,
+            "metric": metric,
+            "a": self.a,
+            "b": self.b,
+            "z": self.z,
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What two folders have in common: the level, the number of rows compared, and the differences that decide."""
+
+    level: Level
+    rows: int
+    threshold: float = math.inf
+    differences: list[Difference] = field(default_factory=list)
+
+
+def compare(a: Results, b: Results, tolerance: float = TOLERANCE, common: bool = False) -> Comparison:
+    """The strongest level on which two results agree; with `common`, rows that only one of them has do not count."""
+    first, second = _rows(a), _rows(b)
+    if _same_bytes(a, b):
+        return Comparison("same bytes", len(first))
+    alone = [] if common else [*_alone(first, second), *(each.swapped() for each in _alone(second, first))]
+    both = [key for key in first if key in second]
+    apart = [key for key in both if not _close(first[key], second[key], tolerance)]
+    if not apart and not alone:
+        return Comparison("same to the tolerance", len(both))
+    threshold = NormalDist().inv_cdf(1 - FAMILY_ERROR / 2 / len(apart)) if apart else math.inf
+    tested = [
+        Difference(key, first[key]["mean"], second[key]["mean"], _z(a, b, key, first[key], second[key]))
+        for key in apart
+    ]
+    differences = alone + [each for each in tested if not abs(each.z) <= threshold]
+    level: Level = "different" if differences else "no statistical difference"
+    return Comparison(level, len(both), threshold, differences)
+
+
+def _same_bytes(a: Results, b: Results) -> bool:
+    """Whether the tables that both folders keep are equal (a reference has no runs.csv)."""
+    first, second = a.manifest["files"], b.manifest["files"]
+    return all(first[name] == second[name] for name in TABLES if name in first and name in second)
+
+
+def _rows(results: Results) -> dict[Key, Row]:
+    return {(row["reading"], row["case"], row["filter"], row["metric"]): row for row in results.summary}
+
+
+def _alone(first: Mapping[Key, Row], second: Mapping[Key, Row]) -> list[Difference]:
+    return [Difference(key, row["mean"], None, math.inf) for key, row in first.items() if key not in second]
+
+
+def _close(first: Row, second: Row, tolerance: float) -> bool:
+    """Whether all statistics of a row agree; counts of runs, failed and lost must be equal."""
+    columns = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q95")
+    return all(_equal(first[column], second[column], tolerance) for column in columns)
+
+
+def _equal(x: Any, y: Any, tolerance: float) -> bool:
+    if x is None or y is None:
+        return x is y
+    return x == y or (x != x and y != y) or math.isclose(x, y, rel_tol=tolerance)
+
+
+def _z(a: Results, b: Results, key: Key, first: Row, second: Row) -> float:
+    """The difference of the means in standard errors; zero where neither folder has a mean."""
+    if a.seed == b.seed and a.has_runs and b.has_runs:
+        x, y = a.values(*key), b.values(*key)
+        runs = min(len(x), len(y))
+        difference = x[:runs] - y[:runs]
+        difference = difference[np.isfinite(difference)]
+        if len(difference) > 1:
+            return _ratio(float(difference.mean()), float(difference.std(ddof=1)) / math.sqrt(len(difference)))
+    if first["mean"] is None or second["mean"] is None:
+        return 0.0 if first["mean"] is second["mean"] else math.inf
+    return _ratio(first["mean"] - second["mean"], math.hypot(first["se"] or 0.0, second["se"] or 0.0))
+
+
+def _ratio(difference: float, se: float) -> float:
+    if difference == 0:
+        return 0.0
+    return difference / se if se > 0 else math.copysign(math.inf, difference)

@@ -1,0 +1,139 @@
+"""Claims meet results: which claims a results folder decides, claims.csv, and judging stored measurements again.
+
+A folder decides those cells of its paper's claims that are about its scenario, and the claims that the scenario itself
+makes. The size of a family is that of the whole paper, whatever folders are there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from rkfbench import scenario as scenarios
+from rkfbench.claims.checks import checks_of
+from rkfbench.claims.ledger import Row, claim_verdicts, ledger, under_switch
+from rkfbench.claims.plan import Cell, Outline, Outlines, family_problems, outline, own_paper, plan, problems
+from rkfbench.claims.records import COLUMNS, Change, record, stored, verify
+from rkfbench.claims.words import summary
+from rkfbench.errors import SpecError, UsageError
+from rkfbench.scenario import Scenario
+from rkfbench.scenario.files import papers
+from rkfbench.scenario.paper_schema import Paper
+from rkfbench.store import Results, files, manifest
+
+CLAIMS = "claims.csv"
+
+
+@dataclass(frozen=True)
+class Docket:
+    """The claims of one paper (or of one scenario's author) with all their cells, also those of other scenarios."""
+
+    name: str
+    paper: Paper
+    cells: tuple[Cell, ...]
+    outlines: Outlines
+
+
+def write_claims(scenario: Scenario, folder: Path) -> list[Row]:
+    """Measure and judge the claims that a results folder decides; writes claims.csv and seals the folder."""
+    results = Results.open(folder)
+    rows = [
+        row
+        for docket in dockets(scenario, results)
+        for row in ledger(docket.paper, docket.cells, {scenario.name: results}, docket.outlines)
+        if row.cell.form.scenario == scenario.name
+    ]
+    files.write_records(folder / CLAIMS, COLUMNS, map(record, rows))
+    manifest.seal(folder)
+    return rows
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What a folder's stored measurements say about the claims of a docket, and where claims.csv said otherwise."""
+
+    docket: Docket
+    rows: list[Row]
+    changes: list[Change]
+
+
+def verified(folder: Path) -> list[Verified]:
+    """The claims of the current scenario and paper files, judged on the measurements that a folder stores."""
+    results = Results.open(folder)
+    scenario = current(results)
+    if CLAIMS not in results.manifest["files"]:
+        raise UsageError(f"{folder} has no {CLAIMS}: make it with rkfbench run")
+    columns, lines = files.read_csv(folder / CLAIMS)
+    kept = {line.key: line for line in (stored(dict(zip(columns, each, strict=True))) for each in lines)}
+    found = []
+    for docket in dockets(scenario, results):
+        cells = {cell.key for cell in docket.cells}
+        mine = [kept.pop(key) for key in list(kept) if key in cells]
+        rows, changes = verify(docket.paper, docket.cells, mine, docket.outlines)
+        about = [row for row in rows if row.cell.form.scenario == scenario.name]
+        found.append(Verified(docket, about, [change for change in changes if change.key[4] == scenario.name]))
+    if found:
+        found[0].changes.extend(Change(line.key, line.verdict, "", None) for line in kept.values())
+    return found
+
+
+def sentences(folders: Sequence[Path]) -> Iterator[tuple[str, str, str]]:
+    """(paper, reading, what holds in one sentence) over all folders of each paper."""
+    found: dict[str, list[Verified]] = {}
+    for folder in folders:
+        for each in verified(folder):
+            found.setdefault(each.docket.name, []).append(each)
+    for name, parts in found.items():
+        docket = parts[0].docket
+        verdicts = claim_verdicts(docket.paper, [row for part in parts for row in part.rows], docket.outlines)
+        for reading in dict.fromkeys(reading for each in verdicts for reading in each.verdicts):
+            yield name, reading, summary(verdicts, reading)
+
+
+def current(results: Results) -> Scenario:
+    """The scenario of a results folder as it is now: bundled, or in the user's file; else the one that is stored."""
+    bundled = scenarios.bundled().get(results.scenario)
+    source = Path(results.manifest.get("source", ""))
+    return scenarios.load(bundled or (source if source.is_file() else results.folder / "scenario.yaml"))
+
+
+def dockets(scenario: Scenario, results: Results | None = None) -> list[Docket]:
+    """The paper's claims and the scenario's own; with the headline claims under every switch that was run.
+
+    ScenarioError when a claim asks for what its scenario does not have.
+    """
+    found = []
+    if scenario.paper in papers():
+        paper, outlines = _paper(scenario.paper)
+        if scenario.name in paper.scenarios:
+            found.append((scenario.paper, paper, outlines))
+    if scenario.claims:
+        own = own_paper(scenario.name, scenario.claims)
+        found.append((scenario.name, own, {scenario.name: outline(scenario)}))
+    return [_docket(name, paper, outlines, scenario, results) for name, paper, outlines in found]
+
+
+def _docket(name: str, paper: Paper, outlines: Outlines, scenario: Scenario, results: Results | None) -> Docket:
+    cells = plan(paper, outlines)
+    first = outlines[scenario.name].readings[0]
+    run = dict.fromkeys(row["reading"] for row in results.summary) if results else {}
+    switches = [reading for reading in run if reading.startswith(f"{first}+")]
+    switched = [cell for switch in switches for cell in under_switch(cells, paper, scenario.name, first, switch)]
+    return Docket(name, paper, (*cells, *switched), outlines)
+
+
+@cache
+def _paper(name: str) -> tuple[Paper, Outlines]:
+    """A bundled paper and the outlines of its scenarios."""
+    outlines: dict[str, Outline] = {}
+
+    def faults(paper: Paper) -> Iterator[SpecError]:
+        bundled = scenarios.bundled()
+        loaded = (scenarios.load(each) for each in paper.scenarios if each in bundled)
+        outlines.update({each.name: outline(each, tuple(checks_of(name))) for each in loaded})
+        found = list(problems(paper, outlines))
+        yield from found or family_problems(paper, plan(paper, outlines), outlines)
+
+    return scenarios.load_paper(name, faults), outlines

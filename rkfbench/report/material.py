@@ -1,0 +1,176 @@
+"""What figures and tables are made of: the results of one scenario, indexed, and which of them a declaration picks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from statistics import fmean, median, stdev
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rkfbench.scenario.display import Selection, case_matches
+
+if TYPE_CHECKING:
+    from rkfbench.scenario.paper_schema import PrintedTable
+    from rkfbench.store import Results
+
+Row = Mapping[str, Any]
+Key = tuple[str, str, str, str]  # reading, case, filter, metric
+
+
+@dataclass(frozen=True)
+class Material:
+    """The results of a scenario with what its figures and tables need to know besides numbers."""
+
+    results: Results
+    extra_filters: frozenset[str] = frozenset()
+    extra_cases: frozenset[str] = frozenset()
+    readings: tuple[str, ...] = ()  # of the scenario; the results may also hold sensitivity switches
+    printed: Mapping[str, PrintedTable] = field(default_factory=dict)  # the paper's tables by name
+
+    @cached_property
+    def summary(self) -> dict[Key, Row]:
+        """Computed numbers, measured times, and the shares of failed and lost runs as metrics of those names."""
+        rows: dict[Key, Row] = {key_of(row): row for row in self.results.summary}
+        rows |= {key_of(row): row for row in self._times()}
+        for (reading, case, label, _), row in list(rows.items()):
+            for what in ("failed", "lost"):
+                if row.get(what) is not None:
+                    rows.setdefault((reading, case, label, what), _share(row, what))
+        return rows
+
+    @cached_property
+    def series(self) -> dict[Key, list[Row]]:
+        curves: dict[Key, list[Row]] = {}
+        for row in self.results.series:
+            curves.setdefault(key_of(row), []).append(row)
+        return curves
+
+    @cached_property
+    def counts(self) -> dict[tuple[str, str, str], tuple[int, int, int]]:
+        """(reading, case, filter) -> runs, failed runs, lost runs."""
+        return {key_of(row)[:3]: (row["runs"], row["failed"], row["lost"]) for row in self.results.summary}
+
+    @cached_property
+    def cells(self) -> dict[str, list[str]]:
+        """The cases of each reading, in the order of the results."""
+        found: dict[str, dict[str, None]] = {}
+        for reading, case, _, _ in (*self.summary, *self.series):
+            found.setdefault(reading, {})[case] = None
+        return {each: list(found[each]) for each in self.readings or found if each in found}
+
+    @cached_property
+    def filters(self) -> dict[str, Row]:
+        """Label -> its row of filters.csv, the first where readings or cases give it other parameters."""
+        rows: dict[str, Row] = {}
+        for row in self.results.filters:
+            rows.setdefault(text(row["label"]), row)
+        return rows
+
+    @cached_property
+    def names(self) -> dict[str, str]:
+        """Label -> name of the filter in the catalogue."""
+        return {label: text(row.get("name")) or label for label, row in self.filters.items()}
+
+    @cached_property
+    def sweep_columns(self) -> tuple[str, ...]:
+        """What stands between `case` and `filter` in summary.csv."""
+        columns = list(self.results.summary[0]) if self.results.summary else []
+        return tuple(columns[columns.index("case") + 1 : columns.index("filter")]) if columns else ()
+
+    def pick_readings(self, item: Selection) -> list[str]:
+        return [each for each in self.cells if item.readings is None or each in item.readings]
+
+    def pick_cases(self, item: Selection, reading: str, extras: bool = False) -> list[str]:
+        if item.cases is not None:
+            return [case for case in self.cells[reading] if any(case_matches(name, case) for name in item.cases)]
+        return [case for case in self.cells[reading] if extras or case not in self.extra_cases]
+
+    def pick_filters(self, item: Selection) -> list[str]:
+        if item.filters is not None:
+            return [label for label in item.filters if label in self.filters]
+        return [label for label in self.filters if label not in self.extra_filters]
+
+    def estimate(self, key: Key, statistic: str) -> tuple[float, float | None]:
+        """A statistic of the runs and its standard error; the error of any but the mean needs the numbers per run."""
+        row = self.summary[key]
+        if statistic == "mean" or key[3] in ("failed", "lost") or not self.has_values(key[3]):
+            return number(row.get(statistic)), row["se"] if statistic == "mean" else None
+        from rkfbench import metrics
+        from rkfbench.claims import replicates
+
+        values = self.results.values(*key)
+        failed = np.zeros(len(values), bool) if is_time(key[3]) else self.results.failed(*key[:3])
+        if not is_time(key[3]) and metrics.get(key[3]).statistic == "root_mean":
+            values = np.sqrt(values)
+        values = np.where(failed, np.inf, values) if statistic == "median" else values[~failed]
+        replicated = replicates.STATISTICS[statistic](values)
+        return float(replicated[0]), replicates.standard_error(replicated)
+
+    def has_values(self, metric: str) -> bool:
+        """Whether the numbers of single runs are there; those of times always are."""
+        return self.results.has_runs or is_time(metric)
+
+    def _times(self) -> Iterator[Row]:
+        """The repeats of every measured time as rows of the summary, under the first reading: none changes a time."""
+        repeats: dict[tuple[str, str, str], list[float]] = {}
+        for row in self.results.timings.get("repeats", ()):
+            repeats.setdefault((text(row["case"]), text(row["filter"]), row["metric"]), []).append(row["value"])
+        reading = text(self.results.summary[0]["reading"]) if self.results.summary else ""
+        for (case, label, metric), values in repeats.items():
+            count, mean, middle = len(values), fmean(values), median(values)
+            sd = stdev(values) if count > 1 else None
+            place = {"reading": reading, "case": case, "filter": label, "metric": metric, "runs": count}
+            yield place | {"mean": mean, "sd": sd, "se": sd and sd / math.sqrt(count), "median": middle}
+
+    def parameter_values(self, family: str, parameter: str) -> dict[str, float | str]:
+        """Label -> value of a parameter, for the filters of that name in the order of the value."""
+        found = {
+            label: row[parameter]
+            for label, row in self.filters.items()
+            if self.names[label] == family and row.get(parameter) is not None
+        }
+        return dict(sorted(found.items(), key=lambda item: (isinstance(item[1], str), item[1])))
+
+
+def printed_numbers(table: PrintedTable) -> dict[tuple[str, str, str, str], float]:
+    """(filter, case, metric, statistic) -> the number that a paper's table prints for it."""
+    numbers = {}
+    for row in table.rows:
+        for column, value in zip(table.columns, row.values, strict=True):
+            if value is not None:
+                cell = table.cell(row, column)
+                numbers[cell["filter"], cell["case"], cell["metric"], cell["statistic"]] = value
+    return numbers
+
+
+def is_time(metric: str) -> bool:
+    """Whether a metric is measured with a clock: one value a repeat instead of a run."""
+    return metric.startswith("time")
+
+
+def distinct(values: Iterable[Any]) -> list[Any]:
+    """Values without repetition, in order of first appearance."""
+    return list(dict.fromkeys(values))
+
+
+def text(value: Any) -> str:
+    return "" if value is None else str(value)
+
+
+def number(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _share(row: Row, what: str) -> Row:
+    """The share of failed or lost runs with its standard error, as a row of the summary."""
+    share = row[what] / row["runs"] if row["runs"] else math.nan
+    se = math.sqrt(share * (1 - share) / row["runs"]) if row["runs"] else None
+    return {**row, "metric": what, "mean": share, "se": se, "sd": None, "median": None, "failed": 0, "lost": 0}
+
+
+def key_of(row: Row) -> Key:
+    return text(row["reading"]), text(row["case"]), text(row["filter"]), text(row["metric"])

@@ -1,0 +1,222 @@
+"""The report: report.md and one self-contained report.html, for one results folder or for all of a reproduction.
+
+What a reader sees first is one row a paper, with a computed sentence, and its headline claims as intervals against
+their claimed regions. The full ledger, tables, figures, sensitivity and provenance are folded behind. The page needs
+no network and no script; everything on it is read from the results folders and the papers' files.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rkfbench.report import style, tables, verdicts
+from rkfbench.report.material import distinct, text
+from rkfbench.report.render import Outcome, Picture
+from rkfbench.report.verdicts import ClaimView
+from rkfbench.scenario.display import Table
+from rkfbench.store import files, manifest
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+PAGE_DPI = 120
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure as the page shows it."""
+
+    picture: Picture
+    png: str  # base64
+    width: int
+    height: int
+    file: str  # the PNG of the results folder, relative to the page
+
+
+@dataclass(frozen=True)
+class ScenarioView:
+    """One results folder on the page."""
+
+    outcome: Outcome
+    place: Path  # of the page
+
+    @property
+    def name(self) -> str:
+        return self.outcome.scenario.name
+
+    @cached_property
+    def tables(self) -> list[tuple[Table, list[tables.Sheet]]]:
+        return [(table, sheets) for table, _, sheets in self.outcome.tables()]
+
+    @cached_property
+    def figures(self) -> list[Shown]:
+        """The declared figures, drawn without their captions, which stand beside them as text."""
+        shown = []
+        with style.styled():
+            for picture in self.outcome.pictures():
+                drawn = picture.drawn(with_caption=False)
+                width, height = (round(inches * 96) for inches in drawn.get_size_inches())
+                png = base64.b64encode(style.png(drawn, PAGE_DPI)).decode()
+                file = self.outcome.results.folder / "figures" / f"{picture.stem}.png"
+                shown.append(Shown(picture, png, width, height, relative(file, self.place)))
+        return shown
+
+    @property
+    def facts(self) -> list[tuple[str, str]]:
+        """The manifest without its hashes, as plain words."""
+        skipped = ("files", "hashes", "title", "argv", "schema")
+        facts = self.outcome.results.manifest.items()
+        return [(key, plain(value)) for key, value in facts if key not in skipped and value not in ("", None, [])]
+
+    @property
+    def command(self) -> str:
+        """What was typed to make these results."""
+        argv = self.outcome.results.manifest.get("argv") or ["rkfbench", "run", self.name]
+        return shlex.join(argv)
+
+    @property
+    def readings(self) -> list[tuple[str, list[tuple[str, str]]]]:
+        """Each reading with what it sets."""
+        return _overrides(self.outcome.scenario.resolved.get("readings"))
+
+    @property
+    def switches(self) -> list[tuple[str, list[tuple[str, str]]]]:
+        """Each switch of the sensitivity study with what it sets."""
+        return _overrides(self.outcome.scenario.resolved.get("sensitivity"))
+
+    @property
+    def filters(self) -> list[tuple[str, str]]:
+        """Each filter with every parameter."""
+        rows = self.outcome.results.filters
+        return [(text(row["label"]), ", ".join(_parameters(row))) for row in rows]
+
+    @property
+    def resolved(self) -> str:
+        """The scenario as it was run, every default written out."""
+        return (self.outcome.results.folder / "scenario.yaml").read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class PaperView:
+    """A paper, or a user's scenario without one, on the page."""
+
+    key: str
+    title: str
+    cite: str
+    doi: str
+    claims: list[ClaimView]
+    scenarios: list[ScenarioView]
+    readings: list[str]
+
+    @property
+    def headline(self) -> list[ClaimView]:
+        return [claim for claim in self.claims if claim.headline]
+
+    @property
+    def sentences(self) -> list[tuple[str, str]]:
+        """For each reading one computed sentence."""
+        return [(reading, verdicts.sentence(self.claims, reading)) for reading in self.readings]
+
+    @property
+    def counts(self) -> list[tuple[str, int]]:
+        """Verdicts under the first reading with their numbers, for the bar of the first screen."""
+        return verdicts.tally(self.claims, self.readings[0]) if self.readings else []
+
+    @property
+    def sensitivity(self) -> tuple[list[ClaimView], list[tuple[str, list[str]]]]:
+        """Headline claims, and for each switch their verdicts."""
+        claims = [claim for claim in self.headline if claim.switches]
+        switches = distinct(switch for claim in claims for switch in claim.switches)
+        first = [("none", [claim.verdicts.get(self.readings[0], "") for claim in claims])] if claims else []
+        return claims, first + [(switch, [each.switches.get(switch, "") for each in claims]) for switch in switches]
+
+
+def write_report(folders: Sequence[str | Path], out: str | Path) -> list[Path]:
+    """Write report.html and report.md into `out` for these results folders; a results folder is sealed again."""
+    place = Path(out)
+    papers = views(folders, place)
+    page = environment()
+    written = []
+    for name in ("report.html", "report.md"):
+        path = place / name
+        files.write(path, page.get_template(f"{name}.j2").render(papers=papers).strip() + "\n")
+        written.append(path)
+    if (place / manifest.NAME).exists():
+        manifest.seal(place)
+    return written
+
+
+def views(folders: Sequence[str | Path], place: Path) -> list[PaperView]:
+    """The results folders, grouped by paper, in the order given."""
+    outcomes = [Outcome.open(folder) for folder in folders]
+    groups: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        groups.setdefault(outcome.scenario.paper or outcome.scenario.name, []).append(outcome)
+    return [_paper_view(key, group, place) for key, group in groups.items()]
+
+
+def environment() -> Environment:
+    """The templates beside this file; HTML is escaped, Markdown is not."""
+    import jinja2
+
+    page = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=lambda name: bool(name) and ".html" in str(name),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    page.filters["percent"] = lambda share: f"{100 * share:.2f}%"
+    page.filters["bar"] = lambda cell: str(cell).replace("|", r"\|").replace("\n", " ")
+    page.globals.update(verdicts=verdicts, markdown_table=tables.markdown)
+    return page
+
+
+def relative(path: Path, place: Path) -> str:
+    """`path` as a link from a page in the folder `place`."""
+    import os
+
+    return Path(os.path.relpath(path, place)).as_posix()
+
+
+def plain(value: Any) -> str:
+    """A value of the manifest or the scenario in words."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {plain(each)}" for key, each in value.items())
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _paper_view(key: str, outcomes: Sequence[Outcome], place: Path) -> PaperView:
+    paper = outcomes[0].paper
+    first = outcomes[0].scenario
+    rows = [row for outcome in outcomes for row in outcome.results.claims]
+    of_scenario = {outcome.scenario.name: list(outcome.material.cells) for outcome in outcomes}
+    named = distinct(reading for readings in of_scenario.values() for reading in readings)
+    readings = [reading for reading in named if reading != "default"] or named
+    own = [claim for outcome in outcomes for claim in outcome.scenario.claims]
+    claims = verdicts.claim_views(rows, readings, of_scenario, paper, own)
+    cite = paper.cite if paper else first.citation.cite if first.citation else ""
+    doi = (paper.doi if paper else first.citation.doi if first.citation else None) or ""
+    title = (paper.title if paper else first.title) or key
+    return PaperView(key, title, cite, doi, claims, [ScenarioView(each, place) for each in outcomes], readings)
+
+
+def _overrides(section: Any) -> list[tuple[str, list[tuple[str, str]]]]:
+    return [
+        (name, [(path, plain(value)) for path, value in (changes or {}).items()])
+        for name, changes in (section or {}).items()
+    ]
+
+
+def _parameters(row: Mapping[str, Any]) -> list[str]:
+    named = [text(row.get("name"))] if row.get("name") else []
+    return named + [
+        f"{key} = {value}" for key, value in row.items() if key not in ("label", "name") and value is not None
+    ]

@@ -1,0 +1,154 @@
+"""From a results folder to its tables and figures; nothing is computed anew, so no filter runs.
+
+A committed folder does not keep the numbers of single runs. What needs them (marks of single runs, errors of medians)
+is then drawn from the CSV that was written when they were there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from rkfbench import scenario as scenarios
+from rkfbench.report import figures, forest, style, tables
+from rkfbench.report.captions import caption
+from rkfbench.report.material import Material, distinct
+from rkfbench.report.points import Point, needs_runs, points, read_points, write_points
+from rkfbench.scenario import Scenario
+from rkfbench.scenario.display import Figure, Forest, Table
+from rkfbench.scenario.paper_schema import Paper
+from rkfbench.store import Results, files, manifest
+
+FOREST_CAPTION = (
+    "Bar: interval of the 95 % family; shaded: claimed region, with its edges. Each row has its own scale and shows "
+    "the cell that decides the claim."
+)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure under one reading: what it says, and how to draw it."""
+
+    figure: Figure
+    reading: str
+    caption: str
+    points: list[Point]
+    lines: list[forest.Line]
+    looks: dict[str, style.Look]
+
+    @property
+    def stem(self) -> str:
+        reading = re.sub(r"[^\w-]+", "-", self.reading)
+        return f"{self.figure.id}.{reading}" if reading not in ("", "default") else self.figure.id
+
+    def drawn(self, with_caption: bool) -> Any:
+        """The matplotlib figure (inside `style.styled()`)."""
+        text = self.caption if with_caption else ""
+        if isinstance(self.figure, Forest):
+            return forest.draw(self.lines, text)
+        return figures.draw(self.figure, self.points, self.looks, text)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A results folder with the scenario it came from and the paper that it belongs to."""
+
+    results: Results
+    scenario: Scenario
+    paper: Paper | None
+
+    @classmethod
+    def open(cls, folder: str | Path) -> Outcome:
+        """The folder, checked against its manifest, with the scenario that is stored in it."""
+        results = Results.open(folder)
+        scenario = scenarios.load(results.folder / "scenario.yaml")
+        return cls(results, scenario, scenarios.load_paper(scenario.paper) if scenario.paper else None)
+
+    @cached_property
+    def material(self) -> Material:
+        cells = self.scenario.cells
+        specs = [spec for cell in cells for spec in cell.spec["filters"]]
+        ordinary = {spec["label"] for spec in specs if not spec.get("extra")}
+        return Material(
+            self.results,
+            frozenset(spec["label"] for spec in specs) - ordinary,
+            frozenset(cell.case for cell in cells if cell.extra),
+            tuple(distinct(cell.reading for cell in cells)),
+            self.paper.tables if self.paper else {},
+        )
+
+    def tables(self) -> Iterator[tuple[Table, list[tables.Entry], list[tables.Sheet]]]:
+        """Every declared table that has numbers, with its entries and sheets."""
+        for table in self.scenario.tables:
+            path = self.results.folder / "tables" / f"{table.id}.csv"
+            entries = self._kept(path, tables.read_entries) if tables.needs_runs(table) else None
+            entries = entries or tables.entries(table, self.material)
+            printed = self.material.printed.get(table.paper) if table.paper else None
+            if entries:
+                yield table, entries, tables.layouts(table, entries, printed.decimals if printed else None)
+
+    def pictures(self) -> Iterator[Picture]:
+        """Every declared figure under each of its readings for which there are numbers."""
+        names = self.material.names
+        looks = style.looks(distinct([*self.material.filters, *names.values()]), names)
+        for figure in self.scenario.figures:
+            for reading in self.material.cells:
+                if figure.readings is not None and reading not in figure.readings:
+                    continue
+                picture = self._picture(figure, reading, looks)
+                if picture.points or picture.lines:
+                    yield picture
+
+    def _picture(self, figure: Figure, reading: str, looks: dict[str, style.Look]) -> Picture:
+        if isinstance(figure, Forest):
+            claims = figure.claims or (self.paper.headline if self.paper else [])
+            lines = forest.lines(self.results.claims, claims, [reading])
+            words = [figure.title, figure.caption, FOREST_CAPTION]
+            sentences = " ".join(f"{part.rstrip('.')}." for part in words if part)
+            return Picture(figure, reading, sentences, [], lines, looks)
+        picture = Picture(figure, reading, "", [], [], looks)
+        path = self.results.folder / "figures" / f"{picture.stem}.csv"
+        found = self._kept(path, read_points) if needs_runs(figure) else None
+        found = found or points(figure, self.material, reading)
+        return Picture(figure, reading, caption(figure, found), found, [], looks)
+
+    def _kept(self, path: Path, read: Any) -> Any:
+        """What an earlier rendering wrote, where the numbers of single runs are gone."""
+        return read(path) if not self.results.has_runs and path.exists() else None
+
+
+def render(folder: str | Path) -> list[Path]:
+    """Write tables/ and figures/ of a results folder and seal it; returns the files, in the order of the scenario."""
+    outcome = Outcome.open(folder)
+    written = [*_write_tables(outcome), *_write_figures(outcome)]
+    manifest.seal(outcome.results.folder)
+    return written
+
+
+def _write_tables(outcome: Outcome) -> Iterator[Path]:
+    for table, entries, sheets in outcome.tables():
+        stem = outcome.results.folder / "tables" / table.id
+        tables.write_entries(stem.with_suffix(".csv"), entries)
+        files.write(stem.with_suffix(".md"), tables.markdown(table, sheets))
+        files.write(stem.with_suffix(".tex"), tables.latex(table, sheets))
+        yield from (stem.with_suffix(suffix) for suffix in (".csv", ".md", ".tex"))
+
+
+def _write_figures(outcome: Outcome) -> Iterator[Path]:
+    with style.styled():
+        for picture in outcome.pictures():
+            place = outcome.results.folder / "figures"
+            drawn = picture.drawn(with_caption=True)
+            paths = {suffix: place / f"{picture.stem}{suffix}" for suffix in (".png", ".pdf", ".csv")}
+            files.write(paths[".png"], style.png(drawn))
+            drawn.set_layout_engine("none")  # laid out by now; once is enough
+            files.write(paths[".pdf"], style.pdf(drawn))
+            if picture.points:
+                write_points(paths[".csv"], picture.points)
+            else:
+                files.write_records(paths[".csv"], forest.COLUMNS, (line.record for line in picture.lines))
+            yield from paths.values()

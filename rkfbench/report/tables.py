@@ -1,0 +1,238 @@
+"""Tables: ours with standard errors, the paper's printed number beneath each; as CSV, Markdown and LaTeX.
+
+The CSV is tidy, one number a line, and everything else is laid out from it: `entries` picks numbers out of the results,
+`layouts` puts them into rows and columns, one sheet a reading, and `markdown` and `latex` write the sheets down.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rkfbench.report.captions import case_name, casualties, metric_name
+from rkfbench.report.material import Material, distinct, is_time, printed_numbers, text
+from rkfbench.report.numbers import Written, as_printed, written
+from rkfbench.report.style import display_name
+from rkfbench.scenario.display import Table
+from rkfbench.store import files
+
+
+class Entry(NamedTuple):
+    """One number of a table. `row` and `column` are the headings under which it stands."""
+
+    reading: str
+    row: str
+    column: str
+    case: str
+    filter: str
+    metric: str
+    statistic: str
+    value: float | None
+    se: float | None
+    printed: float | None
+    median: float | None
+    runs: int | None
+    failed: int | None
+    lost: int | None
+
+    @property
+    def written(self) -> Written:
+        return Written("–") if self.value is None else written(self.value, self.se)
+
+    @property
+    def note(self) -> str:
+        """Where runs failed or were lost a mean may say little: the median stands beside it."""
+        if self.statistic != "mean" or not (self.failed or self.lost) or self.median is None:
+            return ""
+        return f"median {written(self.median).text()}"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row: ours, and the paper's numbers when it prints some."""
+
+    heading: str
+    cells: tuple[Entry | None, ...]
+    printed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table under one reading, laid out."""
+
+    reading: str
+    headings: tuple[str, ...]
+    lines: tuple[Line, ...]
+    note: str
+
+
+def entries(table: Table, material: Material) -> list[Entry]:
+    """The numbers of a table under all its readings; cells that were not computed are left out."""
+    printed = material.printed.get(table.paper) if table.paper else None
+    numbers = printed_numbers(printed) if printed else {}
+    found = []
+    for reading in material.pick_readings(table):
+        if table.metric is None:
+            places = _as_printed_layout(printed) if printed else []
+        else:
+            places = _own_layout(table, material, reading)
+        for row, column, (label, case, metric, statistic) in places:
+            ours = material.summary.get((reading, case, label, metric))
+            theirs = numbers.get((label, case, metric, statistic))
+            if ours is None and theirs is None:
+                continue
+            value: float | None = None
+            se = median = runs = failed = lost = None
+            if ours is not None:
+                value, se = material.estimate((reading, case, label, metric), statistic)
+                value = None if math.isnan(value) and ours.get(statistic) is None else value
+                median, runs, failed, lost = ours.get("median"), ours["runs"], ours.get("failed"), ours.get("lost")
+            place = (reading, row, column, case, label, metric, statistic)
+            found.append(Entry(*place, value, se, theirs, median, runs, failed, lost))
+    return found
+
+
+def needs_runs(table: Table) -> bool:
+    """Whether some error comes from numbers per run, which a committed folder does not keep."""
+    return bool({"median", "sd"} & set(table.statistics)) or table.metric is None
+
+
+def layouts(table: Table, found: Sequence[Entry], decimals: int | None = None) -> list[Sheet]:
+    """The entries as sheets, one a reading."""
+    sheets = []
+    for reading in distinct(entry.reading for entry in found):
+        mine = [entry for entry in found if entry.reading == reading]
+        columns = distinct(entry.column for entry in mine)
+        at = {(entry.row, entry.column): entry for entry in mine}
+        lines = []
+        for row in distinct(entry.row for entry in mine):
+            cells = tuple(at.get((row, column)) for column in columns)
+            numbers = [None if cell is None else cell.printed for cell in cells]
+            printed = tuple("" if number is None else as_printed(number, decimals) for number in numbers)
+            lines.append(Line(row, cells, printed if any(printed) else ()))
+        sheets.append(Sheet(reading, tuple(columns), tuple(lines), _note(table, mine)))
+    return sheets
+
+
+def write_entries(path: Path, found: Iterable[Entry]) -> None:
+    files.write_csv(path, Entry._fields, found)
+
+
+def read_entries(path: Path) -> list[Entry]:
+    """What `write_entries` wrote."""
+    texts = ("reading", "row", "column", "case", "filter", "metric", "statistic")
+    return [Entry(**{**row, **{name: text(row[name]) for name in texts}}) for row in files.read_records(path)]
+
+
+def markdown(table: Table, sheets: Sequence[Sheet], level: int = 1) -> str:
+    """The sheets as Markdown tables; the paper's numbers in lines of their own."""
+    parts = [f"{'#' * level} {table.title or table.id}", *([table.caption] if table.caption else [])]
+    for sheet in sheets:
+        rows = [["", *sheet.headings]]
+        for line in sheet.lines:
+            rows.append([line.heading, *("" if cell is None else _plain(cell) for cell in line.cells)])
+            if line.printed:
+                rows.append(["*paper*", *(f"*{number}*" if number else "" for number in line.printed)])
+        escaped = [" | ".join(cell.replace("|", r"\|") for cell in row) for row in rows]
+        rule = " | ".join(["---", *["---:"] * len(sheet.headings)])
+        parts.append("\n".join(f"| {row} |" for row in (escaped[0], rule, *escaped[1:])))
+        parts.append(sheet.note)
+    return "\n\n".join(parts) + "\n"
+
+
+def latex(table: Table, sheets: Sequence[Sheet]) -> str:
+    """The sheets as LaTeX tables in the style of the booktabs package."""
+    return "\n".join(_latex_sheet(table, sheet) for sheet in sheets)
+
+
+def escape(plain: str) -> str:
+    """Plain text as LaTeX."""
+    return re.sub(r"[\\&%$#_{}~^±∞−–·]", lambda match: _TEX[match[0]], plain)
+
+
+_TEX: Mapping[str, str] = {
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    "±": r"$\pm$", "∞": r"$\infty$", "−": r"$-$", "–": "--", "·": r"$\cdot$",
+    **{character: "\\" + character for character in "&%$#_{}"},
+}  # fmt: skip
+
+
+def _latex_sheet(table: Table, sheet: Sheet) -> str:
+    def row(heading: str, cells: Iterable[str]) -> str:
+        return " & ".join([heading, *cells]) + r" \\"
+
+    body = [row("", map(escape, sheet.headings)), r"\midrule"]
+    for line in sheet.lines:
+        body.append(row(escape(line.heading), ("" if cell is None else _tex(cell) for cell in line.cells)))
+        if line.printed:
+            printed = (rf"\textit{{{escape(number)}}}" if number else "" for number in line.printed)
+            body.append(row(r"\quad\textit{paper}", printed))
+    caption = " ".join(part for part in (f"{table.title or table.id}.", table.caption, sheet.note) if part)
+    label = "-".join(part for part in (table.id, re.sub(r"[^A-Za-z0-9]+", "-", sheet.reading)) if part)
+    head = [r"\begin{table}", r"\centering", rf"\caption{{{escape(caption)}}}", rf"\label{{tab:{label}}}"]
+    frame = [rf"\begin{{tabular}}{{l{'r' * len(sheet.headings)}}}", r"\toprule", *body, r"\bottomrule"]
+    return "\n".join([*head, *frame, r"\end{tabular}", r"\end{table}", ""])
+
+
+def _plain(entry: Entry) -> str:
+    return f"{entry.written.text()} ({entry.note})" if entry.note else entry.written.text()
+
+
+def _tex(entry: Entry) -> str:
+    return f"{entry.written.tex()} ({escape(entry.note)})" if entry.note else entry.written.tex()
+
+
+def _note(table: Table, found: Sequence[Entry]) -> str:
+    """Below a sheet: statistic, runs, unit, reading, and who failed."""
+    statistics = " and ".join(distinct(entry.statistic for entry in found))
+    runs = distinct(entry.runs for entry in found if entry.runs is not None)
+    what = "repeats" if all(is_time(entry.metric) for entry in found) else "runs"
+    over = f" over {' or '.join(map(str, runs))} {what}" if runs else ""
+    metrics = distinct(entry.metric for entry in found)
+    of = f" of {metric_name(metrics[0])}" if len(metrics) == 1 else ""
+    parts = [f"{statistics.capitalize()}{of}{over} ± one standard error"]
+    parts.append(f"unit: {table.unit}" if table.unit else "")
+    parts.append("in italics: as printed in the paper" if any(entry.printed is not None for entry in found) else "")
+    parts.append(f"reading: {found[0].reading}" if found[0].reading not in ("", "default") else "")
+    sentences = ["; ".join(part for part in parts if part), casualties(found)]
+    return " ".join(f"{sentence}." for sentence in sentences if sentence)
+
+
+def _as_printed_layout(printed: Any) -> Iterable[tuple[str, str, tuple[str, str, str, str]]]:
+    for row, column in product(printed.rows, printed.columns):
+        cell = printed.cell(row, column)
+        yield row.label, column.label, (cell["filter"], cell["case"], cell["metric"], cell["statistic"])
+
+
+def _own_layout(table: Table, material: Material, reading: str) -> Iterable[tuple[str, str, tuple[str, str, str, str]]]:
+    """Every combination of case, filter, metric and statistic with the headings of its row and column."""
+    values = {
+        "case": material.pick_cases(table, reading),
+        "filter": material.pick_filters(table),
+        "metric": table.metrics,
+        "statistic": table.statistics,
+    }
+    columns = _listed(table.columns) or ["filter"]
+    rows = _listed(table.rows) or [each for each in ("case",) if each not in columns]
+    rows += [each for each in values if each not in (*rows, *columns) and len(values[each]) > 1]
+    order = [*rows, *columns, *(each for each in values if each not in (*rows, *columns))]
+    names: dict[str, Callable[[str], str]] = {
+        "case": case_name,
+        "filter": display_name,
+        "metric": metric_name,
+        "statistic": str,
+    }
+    for combination in product(*(values[each] for each in order)):
+        cell: dict[str, str] = dict(zip(order, combination, strict=True))
+        row = ", ".join(names[each](cell[each]) for each in rows if cell[each])
+        column = ", ".join(names[each](cell[each]) for each in columns if cell[each])
+        yield row, column, (cell["filter"], cell["case"], cell["metric"], cell["statistic"])
+
+
+def _listed(dimensions: Any) -> list[str]:
+    return [dimensions] if isinstance(dimensions, str) else list(dimensions or ())

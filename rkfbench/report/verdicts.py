@@ -1,0 +1,174 @@
+"""Claims as the page shows them: the stored rows of claims.csv joined with what the paper's file says of each claim."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rkfbench.claims.verdict import combine
+from rkfbench.report import forest
+from rkfbench.report.material import distinct, text
+from rkfbench.report.numbers import written
+from rkfbench.scenario.claims import Claim
+from rkfbench.scenario.paper_schema import Paper
+
+Row = Mapping[str, Any]
+IN_TEXT = ("text", "literature")  # what the papers say or cite; what is reconstructed or our own is counted apart
+ORDER = ("reproduced", "not reproduced", "inconclusive", "not testable", "unsupported", "not run")
+SWITCH = "+"
+
+
+@dataclass(frozen=True)
+class ClaimView:
+    """A claim with its cells, its verdict under each reading and, for headline claims, under each switch."""
+
+    id: str
+    says: str
+    locator: str
+    evidence: str
+    headline: bool
+    extra: bool
+    verdicts: dict[str, str]
+    switches: dict[str, str]
+    cells: dict[str, list[Row]]
+    beside: dict[str, list[Row]]
+
+    @property
+    def lines(self) -> list[forest.Line]:
+        """The deciding cell under each reading, placed for the forest plot."""
+        return [forest.line(forest.deciding(cells), len(cells)) for cells in self.cells.values()]
+
+
+def claim_views(
+    rows: Sequence[Row],
+    readings: Sequence[str],
+    of_scenario: Mapping[str, Sequence[str]],
+    paper: Paper | None,
+    own: Sequence[Claim],
+) -> list[ClaimView]:
+    """Every claim that has rows, in their order.
+
+    A scenario that lacks one of the paper's `readings` is seen under its own first one (`of_scenario`).
+    """
+
+    def under(reading: str, cells: Sequence[Row]) -> list[Row]:
+        offered = {name: reading if reading in names else names[0] for name, names in of_scenario.items()}
+        return [row for row in cells if text(row["reading"]) == offered.get(text(row["scenario"]), reading)]
+
+    says = [*(paper.claims if paper else []), *own]
+    headline = paper.headline if paper else [claim.id for claim in own if not claim.extra][:6]
+    views = []
+    for identity in distinct(text(row["claim"]) for row in rows):
+        mine = [row for row in rows if text(row["claim"]) == identity]
+        claim = next((each for each in says if _is(each.id, identity)), None)
+        deciding = [row for row in mine if row["role"] == "decides"]
+        shown = {reading: cells for reading in readings if (cells := under(reading, deciding))}
+        switched: dict[str, list[Row]] = {}
+        for row in deciding:
+            if SWITCH in text(row["reading"]):
+                switched.setdefault(text(row["reading"]).partition(SWITCH)[2], []).append(row)
+        aside = [row for row in mine if row["role"] != "decides"]
+        views.append(
+            ClaimView(
+                identity,
+                claim.says if claim else "",
+                claim.locator if claim else "",
+                text(mine[0]["evidence"]),
+                claim is not None and claim.id in headline,
+                claim is not None and claim.extra,
+                {reading: _verdict(cells) for reading, cells in shown.items()},
+                {switch: _verdict(cells) for switch, cells in switched.items()},
+                shown,
+                {reading: under(reading, aside) for reading in readings},
+            )
+        )
+    return views
+
+
+def tally(claims: Sequence[ClaimView], reading: str) -> list[tuple[str, int]]:
+    """(verdict, number) of the claims that the paper's text makes, under a reading."""
+    counted = Counter(claim.verdicts[reading] for claim in _counted(claims, reading) if claim.evidence in IN_TEXT)
+    return [(verdict, counted[verdict]) for verdict in ORDER if counted[verdict]]
+
+
+def sentence(claims: Sequence[ClaimView], reading: str) -> str:
+    """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced`."""
+    counted = tally(claims, reading)
+    total = sum(number for _, number in counted)
+    if not total:
+        return "No claim was decided."
+    counts = dict(counted)
+    others = [f"{number} {verdict}" for verdict, number in counted if verdict != "reproduced"]
+    words = ", ".join([f"{counts.get('reproduced', 0)} of {total} claims reproduced", *others])
+    apart = [claim for claim in _counted(claims, reading) if claim.evidence not in IN_TEXT]
+    if apart:
+        good = sum(claim.verdicts[reading] == "reproduced" for claim in apart)
+        words += f"; of {len(apart)} reconstructed or our own, {good} reproduced"
+    return f"{words}."
+
+
+def mark(verdict: str) -> str:
+    """The sign of a verdict, which tells it without colour."""
+    return forest.MARKS.get(verdict, "–")
+
+
+def css_class(verdict: str) -> str:
+    return {"reproduced": "yes", "not reproduced": "no", "inconclusive": "open"}.get(verdict, "none")
+
+
+def interval(row: Row) -> str:
+    """`[2.47, 2.51]`, with the digits that its width supports."""
+    low, high = row.get("lower"), row.get("upper")
+    if low is None or high is None or row.get("law") == "exact":
+        return ""
+    ends = (replace(written(end, (high - low) / 2), error="") for end in (low, high))
+    return f"[{', '.join(end.text() for end in ends)}]"
+
+
+def estimate(row: Row) -> str:
+    """`2.490 ± 0.012`; for a printed number or a check what it is compared with stands in another column."""
+    if row.get("estimate") is None:
+        return "–"
+    return written(row["estimate"], None if row.get("law") == "exact" else row.get("se")).text()
+
+
+def claimed(row: Row) -> str:
+    """The claimed region, or the printed number."""
+    if row.get("printed_runs"):
+        return f"printed {row['printed']:g}"
+    return text(row.get("claimed"))
+
+
+def remarks(row: Row) -> str:
+    """The margin at which the verdict would flip, what would decide, and whose runs were lost."""
+    notes = [text(row.get("reason"))] if row.get("reason") else []
+    if row.get("flip_at") is not None and math.isfinite(row["flip_at"]):
+        percent = row.get("flip_percent")
+        away = f", {percent:{'.2g' if percent < 100 else '.0f'}} % away" if percent is not None else ""
+        notes.append(f"would flip at {row['flip_at']:.4g}{away}")
+    if row["verdict"] == "inconclusive" and row.get("runs"):
+        needed = row.get("runs_needed")
+        notes.append(f"about {needed} runs would decide" if needed else "no affordable number of runs would decide")
+    if row.get("lost") or row.get("failed"):
+        notes.append(f"{row.get('lost') or 0} lost, {row.get('failed') or 0} failed")
+        if row.get("mean") is not None and row.get("median") is not None:
+            notes.append(f"mean {row['mean']:.4g}, median {row['median']:.4g}")
+    return "; ".join(notes)
+
+
+def _counted(claims: Sequence[ClaimView], reading: str) -> list[ClaimView]:
+    return [claim for claim in claims if reading in claim.verdicts and not claim.extra]
+
+
+def _verdict(cells: Sequence[Row]) -> str:
+    return combine([row["verdict"] for row in cells])
+
+
+def _is(template: str, identity: str) -> bool:
+    """Whether a claim written with {row} or {column} in its id became the claim `identity`."""
+    pattern = re.sub(r"\\\{(?:row|column)\\\}", ".+", re.escape(template))
+    return re.fullmatch(pattern, identity) is not None

@@ -1,0 +1,113 @@
+"""One experiment from its scenario to its report: study, ledger, tables, figures, sealed folder.
+
+`rkfbench run` and `rkfbench reproduce` do this for each scenario; `publish` makes the committed form of a folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rkfbench.claims.measure import Estimand, Selected
+from rkfbench.compare import compare
+from rkfbench.errors import UsageError
+from rkfbench.judge import dockets, write_claims
+from rkfbench.report.render import render
+from rkfbench.scenario import bundled
+from rkfbench.store import Results, files, manifest
+from rkfbench.study import checks, clock, run, tuning
+from rkfbench.study.engines import Engine
+from rkfbench.study.run import Outcome, Report
+
+if TYPE_CHECKING:
+    from rkfbench.scenario import Scenario
+
+RESULTS = Path("results")
+REFERENCE = RESULTS / "reference"
+LONGEST_LABEL = 80
+
+
+def folder_of(scenario: Scenario, overrides: Sequence[str]) -> Path:
+    """results/<scenario>, or results/<scenario>~<label> when options change what the scenario says."""
+    if not overrides:
+        return RESULTS / scenario.name
+    label = re.sub(r"[^\w.=,+-]+", "-", ",".join(overrides)).strip("-")
+    if len(label) > LONGEST_LABEL:
+        label = f"{label[:LONGEST_LABEL]}-{hashlib.sha256(label.encode()).hexdigest()[:6]}"
+    return RESULTS / f"{scenario.name}~{label}"
+
+
+def experiment(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    full: bool = False,
+    fresh: bool = False,
+    engine: Engine,
+    report: Report,
+    argv: Sequence[str],
+) -> Outcome:
+    """Bring a results folder up to date: its numbers, and what is made of them."""
+    claims = dockets(scenario)  # a claim that cannot be measured is an error before anything is run
+    forms = [cell.form for docket in claims for cell in docket.cells if cell.form.scenario == scenario.name]
+    estimands = [form.estimand for form in forms if form.estimand is not None]
+    facts: dict[str, Any] = {"argv": list(argv)}
+    if scenario.name not in bundled():
+        facts["source"] = scenario.file
+    with run.reserved(folder, scenario.name):
+        outcome = run.update(scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts)
+        choices = {tuning.Choice(each.candidates, each.metric) for each in _selections(estimands)}
+        if full and choices and not outcome.failures:
+            tuned = tuning.update(scenario, choices, folder, fresh=fresh, engine=engine, report=report)
+            outcome = replace(outcome, failures=tuned.failures)
+        if not outcome.failures:
+            checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
+            clock.update(scenario, clock.wanted(scenario, estimands), folder, full=full, fresh=fresh)
+            write_claims(scenario, folder)
+            render(folder)
+    return outcome
+
+
+def _selections(estimands: Iterable[Estimand]) -> Iterator[Selected]:
+    """The choices of a best filter that claims make."""
+    return (choice for estimand in estimands for _, choice in estimand.selected)
+
+
+def reference_study(scenario: Scenario) -> tuple[Scenario, Path]:
+    """The scenario at its reference run count, and the folder in which it is computed."""
+    return replace(scenario, runs=scenario.reference_runs), RESULTS / f"{scenario.name}~reference"
+
+
+def compared_with_reference(folder: Path, name: str) -> str:
+    """On which level a folder agrees with the committed reference of the scenario `name`."""
+    reference = REFERENCE / name
+    if not reference.exists():
+        return "there is none"
+    return compare(Results.open(folder), Results.open(reference), common=True).level
+
+
+def publish(folder: Path, reference: Path) -> Path:
+    """Copy a results folder into the form that is committed: without numbers per run and blocks. Returns the copy."""
+    copy = reference.with_name(f".{reference.name}.copy")
+    with files.writing(reference):
+        shutil.rmtree(copy, ignore_errors=True)
+        shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("runs.csv", manifest.BLOCKS, manifest.TUNING, ".*"))
+        manifest.seal(copy)
+        if reference.exists():
+            shutil.rmtree(reference)
+        copy.rename(reference)
+    return reference
+
+
+def folders_with_claims() -> list[Path]:
+    """The folders below results/ that hold verdicts, or those of the reference when there are none."""
+    for place in (RESULTS, REFERENCE):
+        found = [path.parent for path in sorted(place.glob("*/claims.csv")) if "~" not in path.parent.name]
+        if found:
+            return found
+    raise UsageError("there are no results yet: rkfbench reproduce makes them")

@@ -1,0 +1,135 @@
+"""Finished blocks of runs, one file each: for every filter its numbers and the key of what they were computed from.
+
+    sha256 of all that follows, in hex
+    header, one line of JSON: for every filter the key, the names of its metrics and curves
+    the arrays, as an uncompressed npz (read without pickle)
+
+The key of a part is plain data; a part is reused when its key equals the wanted one (`study.plan` makes and compares
+keys). Whatever does not read back exactly, by truncation or by a flipped bit, is `Damaged`.
+
+A curve is kept by its moments, which merge over blocks, so files and memory stay small whatever the number of runs;
+its median cannot be merged and is kept as that of the block.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rkfbench.store import files
+
+FORMAT = 1
+Array = NDArray[Any]
+Key = Mapping[str, Any]
+
+
+class Damaged(Exception):
+    """A block file that does not hold what was written."""
+
+
+class Curve(NamedTuple):
+    """Moments over the runs that did not fail, at the steps k; `m2` is the sum of squared deviations. All (K,)."""
+
+    k: Array
+    n: Array  # the number of those runs
+    mean: Array
+    m2: Array
+    median: Array  # failed runs count as +inf
+
+    @classmethod
+    def of(cls, k: Array, paths: Array, failed: Array) -> Curve:
+        """The moments of `paths` (K, M) over the runs that are not `failed` (M,)."""
+        good = paths[:, ~failed]
+        count = np.full(len(k), float(good.shape[1]))
+        if good.shape[1]:
+            mean = good.mean(1)
+            m2 = ((good - mean[:, None]) ** 2).sum(1)
+        else:
+            mean, m2 = np.full(len(k), np.nan), np.zeros(len(k))
+        return cls(np.asarray(k, float), count, mean, m2, np.median(np.where(failed, np.inf, paths), axis=1))
+
+    def merge(self, other: Curve) -> Curve:
+        """The moments over both sets of runs; the median stays that of the first."""
+        if not other.n.any():
+            return self
+        if not self.n.any():
+            return other._replace(median=self.median)
+        count = self.n + other.n
+        delta = other.mean - self.mean
+        mean = self.mean + delta * (other.n / count)
+        m2 = self.m2 + other.m2 + delta**2 * (self.n * other.n / count)
+        return Curve(self.k, count, mean, m2, self.median)
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one filter gave in one block of M runs."""
+
+    failed: Array  # (M,) bool
+    lost: Array  # (M,) bool
+    values: Mapping[str, Array]  # metric -> (M,)
+    curves: Mapping[str, Curve]  # metric -> moments over the block
+
+
+def write(path: Path, parts: Mapping[str, tuple[Key, Part]]) -> None:
+    """Write the parts (by label of the filter) of one block."""
+    header: dict[str, Any] = {"format": FORMAT, "parts": {}}
+    arrays: dict[str, Array] = {}
+    for index, (label, (key, part)) in enumerate(parts.items()):
+        header["parts"][label] = {"key": key, "values": list(part.values), "curves": list(part.curves)}
+        arrays[f"{index}.runs"] = np.array([part.failed, part.lost])
+        arrays[f"{index}.values"] = np.array([*part.values.values()])
+        for number, curve in enumerate(part.curves.values()):
+            arrays[f"{index}.curve{number}"] = np.array(curve)
+    payload = io.BytesIO()
+    payload.write(json.dumps(header).encode() + b"\n")
+    np.savez(payload, **arrays)  # type: ignore[arg-type]
+    body = payload.getvalue()
+    files.write(path, hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+
+
+def keys(path: Path) -> dict[str, Key]:
+    """The key of each part of a block file; {} when there is no file; Damaged when it does not read back."""
+    if not path.exists():
+        return {}
+    header, _ = _open(path)
+    return {label: part["key"] for label, part in header["parts"].items()}
+
+
+def read(path: Path, labels: set[str] | None = None) -> dict[str, Part]:
+    """The parts of a block file, all or those of some labels; Damaged when it does not read back."""
+    header, payload = _open(path)
+    arrays = np.load(io.BytesIO(payload), allow_pickle=False)
+    return {
+        label: _part(arrays, index, part)
+        for index, (label, part) in enumerate(header["parts"].items())
+        if labels is None or label in labels
+    }
+
+
+def _part(arrays: Mapping[str, Array], index: int, names: Mapping[str, Any]) -> Part:
+    failed, lost = arrays[f"{index}.runs"]
+    curves = {name: Curve(*arrays[f"{index}.curve{number}"]) for number, name in enumerate(names["curves"])}
+    return Part(failed, lost, dict(zip(names["values"], arrays[f"{index}.values"], strict=True)), curves)
+
+
+def _open(path: Path) -> tuple[dict[str, Any], bytes]:
+    try:
+        digest, body = path.read_bytes().split(b"\n", 1)
+        if hashlib.sha256(body).hexdigest().encode() != digest:
+            raise ValueError
+        line, payload = body.split(b"\n", 1)
+        header = json.loads(line)
+    except (OSError, ValueError) as error:
+        raise Damaged(f"{path} is damaged") from error
+    if header.get("format") != FORMAT:
+        raise Damaged(f"{path} was written by another version of rkfbench")
+    return header, payload

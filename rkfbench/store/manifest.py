@@ -1,0 +1,132 @@
+"""The manifest of a results folder: what made it, and the hash of each of its files.
+
+A folder is sealed when its manifest lists every file with its SHA-256. Sealing again without a change of any file
+leaves the manifest as it is, so that its times say when the numbers were made.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from rkfbench.errors import UsageError
+from rkfbench.store import files
+
+SCHEMA = 1
+NAME = "manifest.json"
+BLOCKS = "blocks"
+TUNING = "tuning"  # a results folder of its own inside another one
+
+
+def seal(folder: Path, **facts: Any) -> bool:
+    """Write the manifest with `facts` (kept from before where not given); False when no file had changed.
+
+    `hashes` among the facts, of what parts of the folder were made from, are added to those that are there.
+    """
+    old = _readable(folder)
+    listed = {name: files.sha256(folder / name) for name in _names(folder)}
+    hashes = {**old.get("hashes", {}), **facts.get("hashes", {})}
+    if (old.get("files"), old.get("hashes", {})) == (listed, hashes):
+        return False
+    kept = {key: value for key, value in old.items() if key not in ("schema", "files", "hashes")}
+    content = {"schema": SCHEMA, **kept, **facts, "hashes": hashes, "files": listed}
+    files.write(folder / NAME, json.dumps(content, indent=2) + "\n")
+    return True
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """The manifest of a results folder; UsageError that says what to do when there is none that can be used."""
+    path = folder / NAME
+    if not folder.is_dir():
+        raise UsageError(f"{folder}: no such results folder")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise UsageError(f"{folder} is not a results folder: it has no {NAME} (make one with rkfbench run)") from None
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}") from error
+    except ValueError as error:
+        raise UsageError(f"{path} is damaged: {_REPAIR}") from error
+    schema = content.get("schema") if isinstance(content, dict) else None
+    if schema != SCHEMA:
+        raise UsageError(f"{path} has schema version {schema}, this rkfbench reads {SCHEMA}: {_REPAIR}")
+    return content
+
+
+def verify(folder: Path, content: Mapping[str, Any], suffixes: tuple[str, ...] = (".csv", ".yaml")) -> None:
+    """Compare the data files of a folder (not its figures and pages) with the manifest; UsageError on the first lie."""
+    for name, digest in content["files"].items():
+        if not name.endswith(suffixes):
+            continue
+        path = folder / name
+        try:
+            found = files.sha256(path)
+        except FileNotFoundError:
+            raise UsageError(f"{path} is missing: {_REPAIR}") from None
+        except OSError as error:
+            raise UsageError(f"cannot read {path}: {error.strerror}") from error
+        if found != digest:
+            raise UsageError(f"{path} is not what rkfbench wrote (edited or damaged): {_REPAIR}")
+
+
+def machine() -> dict[str, Any]:
+    """Versions, linear algebra library and hardware: what may change the last bits or the times."""
+    import numpy
+
+    blas = numpy.show_config(mode="dicts").get("Build Dependencies", {}).get("blas", {})
+    return {
+        "versions": {"rkfbench": _version("rkfbench"), "python": platform.python_version()}
+        | {name: _version(name) for name in ("numpy", "scipy", "matplotlib")},
+        "commit": _commit(),
+        "blas": f"{blas.get('name', 'unknown')} {blas.get('version', '')}".strip(),
+        "machine": {"system": platform.system(), "processor": platform.machine(), "cores": os.cpu_count()},
+    }
+
+
+def _readable(folder: Path) -> dict[str, Any]:
+    """The manifest, or {} where there is none that can be used."""
+    try:
+        return read(folder)
+    except UsageError:
+        return {}
+
+
+_REPAIR = "make the folder again with rkfbench run (--fresh computes everything anew)"
+
+
+def _names(folder: Path) -> Iterator[str]:
+    """Every file of a results folder but its manifest, blocks, tuning runs and what is hidden, in a stable order."""
+    for path in sorted(folder.rglob("*")):
+        relative = path.relative_to(folder)
+        hidden = any(part.startswith(".") for part in relative.parts)
+        if path.is_file() and not hidden and relative.parts[0] not in (NAME, BLOCKS, TUNING):
+            yield relative.as_posix()
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+@cache
+def _commit() -> str:
+    """The commit of the checkout that rkfbench runs from, with `+` when it has changes; "" when installed."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return ""
+    try:
+        git = ["git", "-C", str(root)]
+        commit = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
+        dirty = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return commit + ("+" if dirty.strip() else "")

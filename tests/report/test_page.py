@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from rkfbench.report.page import write_report
+from rkfbench.store import Results
+from tests.report import fakes
+
+VOID = {"meta", "link", "img", "br", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Collects tags and complains about what is not nested."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        assert len(dict(attrs)) == len(attrs), f"an attribute stands twice in {tag}"
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("page")
+    fakes.write_results(place / "fake")
+    write_report([place / "fake"], place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def page(written: Path) -> Page:
+    return Page((written / "report.html").read_text(encoding="utf-8"))
+
+
+def test_the_page_is_well_formed(page: Page) -> None:
+    ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
+    assert page.open == []
+    assert len(set(ids)) == len(ids)
+    assert sum(tag == "h1" for tag, _ in page.tags) == 1
+
+
+def test_the_page_needs_no_network_and_no_script(page: Page) -> None:
+    sources = [attrs.get("src") or "" for tag, attrs in page.tags if tag in ("img", "iframe", "video")]
+    links = [attrs.get("href") or "" for tag, attrs in page.tags if tag == "link"]
+    assert "script" not in {tag for tag, _ in page.tags}
+    assert all(source.startswith("data:") for source in (*sources, *links))
+    assert not any(name.startswith("on") for _, attrs in page.tags for name in attrs)
+
+
+def test_links_inside_the_page_lead_somewhere(page: Page) -> None:
+    ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    inside = [attrs["href"] or "" for tag, attrs in page.tags if tag == "a" and (attrs["href"] or "").startswith("#")]
+    assert inside
+    assert {link[1:] for link in inside} <= ids
+
+
+def test_every_picture_says_what_it_shows(page: Page) -> None:
+    pictures = [attrs for tag, attrs in page.tags if tag == "img"]
+    plots = [attrs for tag, attrs in page.tags if tag == "svg" and attrs.get("role") == "img"]
+    assert len(pictures) == 7
+    assert all("over 60 runs" in (each["alt"] or "") or "interval" in (each["alt"] or "") for each in pictures)
+    assert len(plots) == 4
+    assert all("estimate" in (each["aria-label"] or "") for each in plots)
+
+
+def test_the_first_screen_counts_the_verdicts_of_each_reading(page: Page) -> None:
+    text = " ".join(page.text.split())
+    assert "literal: No claim was decided" not in text
+    assert "of 2 reconstructed or our own, 1 reproduced" in text
+
+
+def test_the_ledger_holds_every_cell_with_its_flip_margin_and_what_stands_beside(page: Page) -> None:
+    text = " ".join(page.text.split())
+    assert "would flip at 2.45, 98 % away" in text
+    assert "about 700 runs would decide; 3 lost, 0 failed; mean 2.49, median 2.5" in text
+    assert "shown beside" in text
+
+
+def test_the_sensitivity_matrix_has_a_row_a_switch(page: Page) -> None:
+    text = " ".join(page.text.split())
+    assert re.search(r"switch mine-1 none ● reproduced mixture R ✕ not reproduced", text)
+
+
+def test_what_is_needed_to_repeat_is_there(page: Page) -> None:
+    for words in ("rkfbench run fake", "commit", "process_noise.cov: 4", "threshold = 1.345", "measurement_noise:"):
+        assert words in page.text
+
+
+def test_texts_of_others_are_escaped(written: Path) -> None:
+    html = (written / "report.html").read_text(encoding="utf-8")
+    assert "Journal of &lt;Examples&gt;" in html
+    assert "the HKF beats the KF &lt;always&gt;" in html
+
+
+def test_the_markdown_says_the_same_and_links_the_pictures(written: Path) -> None:
+    text = (written / "report.md").read_text(encoding="utf-8")
+    tables = [block for block in re.split(r"\n\s*\n", text) if block.startswith("|")]
+    assert "](fake/figures/fig1.root.png)" in text
+    assert "| ● reproduced |" in text or "● reproduced |" in text
+    for block in tables:
+        widths = {len(re.findall(r"(?<!\\)\|", line.strip())) for line in block.splitlines()}
+        assert len(widths) == 1, block
+
+
+def test_the_page_of_a_results_folder_is_sealed_with_it(folder: Path) -> None:
+    write_report([folder], folder)
+    assert {"report.html", "report.md"} <= set(Results.open(folder).manifest["files"])
+
+
+def test_two_scenarios_without_a_paper_stand_side_by_side(written: Path, folder: Path) -> None:
+    renamed = (folder / "scenario.yaml").read_text().replace("name: fake", "name: other")
+    (folder / "scenario.yaml").write_text(renamed)
+    (folder / "claims.csv").unlink()
+    fakes.manifest.seal(folder)
+    write_report([written / "fake", folder], folder)
+    both = Page((folder / "report.html").read_text(encoding="utf-8"))
+    assert "No claim was decided." in both.text
+    assert {"fake", "other"} <= {attrs.get("id") for _, attrs in both.tags}

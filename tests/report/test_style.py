@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import matplotlib
+import pytest
+
+from rkfbench.report import style
+
+
+def test_a_known_filter_looks_the_same_in_every_scenario() -> None:
+    assert style.looks(["hkf", "kf"])["kf"] == style.looks(["kf", "mine", "other"])["kf"] == style.FILTERS["kf"]
+
+
+def test_no_two_filters_look_alike_but_the_two_names_of_one() -> None:
+    looks = [*style.SPARE, *(look for name, look in style.FILTERS.items() if name != "dd2")]
+    assert len(set(looks)) == len(looks)
+
+
+PAPERS = [
+    ("kf", "hkf", "aladkf"),
+    ("ekf", "ukf", "ckf", "pekf", "tempered", "inflated", "iterated", "flow"),
+    ("kf", "mckf", "fpmcs", "ks", "pf", "ps"),
+    ("ekf", "ukf", "dd2", "hukf", "hukf0", "hddf", "nrukf_r", "nrukf_y", "nrukf_r_it", "nrukf_y_it", "ukf_match"),
+    ("skf", "sdf", "raf", "daf"),
+]
+
+
+@pytest.mark.parametrize("filters", PAPERS, ids=lambda names: names[-1])
+def test_within_a_paper_every_filter_differs_in_more_than_colour(filters: tuple[str, ...]) -> None:
+    looks = style.looks(filters)
+    assert len({(look.marker, str(look.dash)) for look in looks.values()}) == len(filters)
+
+
+def test_unknown_filters_take_spare_looks_in_their_order() -> None:
+    looks = style.looks(["first", "second"])
+    assert (looks["first"], looks["second"]) == style.SPARE[:2]
+
+
+def test_references_are_grey_without_marker_and_told_apart_by_their_dash() -> None:
+    looks = style.looks(["clairvoyant_kf", "kf", "zero"])
+    assert {looks[name].colour for name in ("clairvoyant_kf", "zero")} == {style.GREY}
+    assert looks["clairvoyant_kf"].reference
+    assert looks["clairvoyant_kf"].dash != looks["zero"].dash
+
+
+def test_variants_of_a_filter_go_from_dark_to_light_and_leave_the_filter_its_own_look() -> None:
+    labels = ["hkf", "hkf[threshold=0.5]", "hkf[threshold=1]", "hkf[threshold=3]"]
+    looks = style.looks(labels, dict.fromkeys(labels, "hkf"))
+    brightness = [sum(int(looks[label].colour[i : i + 2], 16) for i in (1, 3, 5)) for label in labels[1:]]
+    assert looks["hkf"] == style.FILTERS["hkf"]
+    assert brightness == sorted(brightness)
+    assert len({looks[label].marker for label in labels[1:]}) == 3
+
+
+def test_names_are_those_of_the_field() -> None:
+    assert style.display_name("aladkf") == "ALADKF"
+    assert style.display_name("fpmcs[sigma=1]") == "FP-MCS, sigma = 1"
+    assert style.display_name("my_filter") == "my filter"
+
+
+def test_settings_of_the_caller_do_not_matter_and_are_not_touched() -> None:
+    with matplotlib.rc_context({"lines.linewidth": 9.0}):
+        with style.styled():
+            assert matplotlib.rcParams["lines.linewidth"] == style.SETTINGS["lines.linewidth"]
+        assert matplotlib.rcParams["lines.linewidth"] == 9.0
+
+
+def test_importing_the_report_does_not_import_matplotlib_and_drawing_does_not_import_pyplot() -> None:
+    code = (
+        "import sys, rkfbench.report.page as page\n"
+        "assert 'matplotlib' not in sys.modules, 'matplotlib at import'\n"
+        "from rkfbench.report import forest, style\n"
+        "with style.styled(): style.png(forest.draw([]))\n"
+        "assert 'matplotlib.pyplot' not in sys.modules, 'pyplot'\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

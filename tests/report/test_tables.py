@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+from rkfbench.report import tables
+from rkfbench.report.material import Material
+from rkfbench.scenario.display import Table
+from rkfbench.scenario.paper_schema import PrintedLine, PrintedRow
+from tests.report import fakes
+
+
+def sheet(table: Table, material: Material, reading: str = "literal", decimals: int | None = None) -> tables.Sheet:
+    sheets = tables.layouts(table, tables.entries(table, material), decimals)
+    return next(each for each in sheets if each.reading == reading)
+
+
+def test_a_printed_table_gives_rows_columns_and_headings(material: Material) -> None:
+    found = sheet(Table(id="t", paper="table-1"), material, decimals=2)
+    assert found.headings == ("KF", "HKF", "ALADKF")
+    assert [line.heading for line in found.lines] == ["case 1", "case 2", "case 3", "case 4"]
+    assert found.lines[0].printed == ("4.10", "1.50", "")
+    cell = found.lines[1].cells[0]
+    assert cell is not None
+    assert cell.value == material.summary["literal", "rate=0.2", "kf", "err_norm"]["mean"]
+
+
+def test_printed_numbers_without_ours_are_shown_all_the_same(material: Material) -> None:
+    printed = fakes.printed_table(
+        columns=[PrintedLine(label="PF", filter="pf")], rows=[PrintedRow(label="x", case="R9", values=[3.0])]
+    )
+    table = Table(id="t", paper="table-1")
+    text = tables.markdown(table, [sheet(table, fakes.material(material.results, printed))])
+    assert text.splitlines()[4:6] == ["| x | – |", "| *paper* | *3* |"]
+
+
+def test_rows_and_columns_may_be_any_of_case_filter_and_metric(material: Material) -> None:
+    table = Table(id="t", metric=["err_norm", "cond_S"], rows="filter", columns="metric", cases=["rate=0.4"])
+    found = sheet(table, material)
+    assert found.headings == ("error norm", "cond(S)")
+    assert [line.heading for line in found.lines] == ["clairvoyant KF", "KF", "HKF", "ALADKF"]
+
+
+def test_what_has_several_values_and_no_place_becomes_rows(material: Material) -> None:
+    table = Table(id="t", metric=["err_norm", "cond_S"], statistic=["mean", "sd"], cases=["rate=0.4"])
+    headings = [line.heading for line in sheet(table, material).lines]
+    expected = [f"{metric}, {what}" for metric in ("error norm", "cond(S)") for what in ("mean", "sd")]
+    assert headings == [f"rate = 0.4, {each}" for each in expected]
+
+
+def test_where_runs_were_lost_the_median_and_the_counts_stand_beside(material: Material) -> None:
+    table = Table(id="t", metric="err_norm", filters=["kf", "hkf"], cases=["rate=0.4"])
+    found = sheet(table, material)
+    kf, hkf = found.lines[0].cells
+    assert kf is not None
+    assert hkf is not None
+    assert kf.note.startswith("median ")
+    assert hkf.note == ""
+    assert f"KF {kf.lost} lost" in found.note
+
+
+def test_a_filter_of_which_every_run_failed_has_no_mean_and_an_infinite_median(tmp_path: Path) -> None:
+    dead = fakes.material(fakes.write_results(tmp_path, dead="hkf"))
+    table = Table(id="t", metric="err_norm", filters=["hkf"], cases=["rate=0.4"])
+    text = tables.markdown(table, [sheet(table, dead)])
+    assert "| rate = 0.4 | – (median ∞) |" in text
+    assert f"HKF {fakes.RUNS} failed" in text
+
+
+def test_times_say_repeats_and_stand_under_one_reading(material: Material) -> None:
+    table = Table(id="t", metric="time_ms", unit="ms", filters=["kf", "hkf"])
+    sheets = tables.layouts(table, tables.entries(table, material))
+    assert [each.reading for each in sheets] == ["literal"]
+    assert "over 3 repeats" in sheets[0].note
+
+
+def test_markdown_escapes_bars(material: Material) -> None:
+    printed = fakes.printed_table(
+        columns=[PrintedLine(label="|x|", filter="kf")], rows=[PrintedRow(label="a", case="rate=0.2", values=[1.0])]
+    )
+    table = Table(id="t", paper="table-1")
+    assert r"|  | \|x\| |" in tables.markdown(table, [sheet(table, fakes.material(material.results, printed))])
+
+
+def test_latex_is_escaped_and_uses_booktabs(material: Material) -> None:
+    table = Table(id="t", title=r"50 % of R_1 & {a\b} ~ ^2 #$", paper="table-1")
+    text = tables.latex(table, [sheet(table, material, decimals=2)])
+    assert r"50 \% of R\_1 \& \{a\textbackslash{}b\} \textasciitilde{} \textasciicircum{}2 \#\$." in text
+    assert r"\begin{tabular}{lrrr}" in text
+    assert text.index(r"\toprule") < text.index(r"\midrule") < text.index(r"\bottomrule")
+    assert r"\quad\textit{paper} & \textit{4.10} & \textit{1.50} &  \\" in text
+    assert text.count("{") == text.count("}")
+    assert text.isascii()
+
+
+def test_entries_survive_their_csv(material: Material, tmp_path: Path) -> None:
+    found = tables.entries(Table(id="t", paper="table-1"), material)
+    tables.write_entries(tmp_path / "t.csv", found)
+    assert tables.read_entries(tmp_path / "t.csv") == found

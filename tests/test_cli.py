@@ -1,0 +1,292 @@
+"""The command as a user meets it: data and notes on their streams, exit codes, one clear message for what is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from rkfbench.cli.commands import app
+from rkfbench.store import Results
+
+
+def rkfbench(*args: str | Path) -> Any:
+    return CliRunner().invoke(app, [str(arg) for arg in args])
+
+
+def tables(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.csv"))}
+
+
+def test_run_writes_results_and_prints_only_their_folder(small: Path) -> None:
+    result = rkfbench("run", small)
+    assert (result.exit_code, result.stdout) == (0, "results/small\n")
+    assert "small: rate=0.4 (default): 6 runs, 2 filters\n" in result.stderr
+    assert len(Results.open("results/small").values("default", "rate=0.4", "hkf", "err_norm")) == 6
+
+
+def test_a_second_run_says_that_there_is_nothing_to_compute(small: Path) -> None:
+    rkfbench("run", small)
+    before = tables(Path("results/small"))
+    result = rkfbench("run", small)
+    assert "nothing to compute, results/small is up to date" in result.stderr
+    assert tables(Path("results/small")) == before
+
+
+def test_options_that_change_the_scenario_get_a_folder_of_their_own(small: Path) -> None:
+    result = rkfbench("run", small, "--runs", "3", "--set", "measurement_noise.rate=0.2", "-q")
+    assert (result.exit_code, result.stderr) == (0, "")
+    folder = Path(result.stdout.strip())
+    assert folder == Path("results/small~measurement_noise.rate=0.2,runs=3")
+    assert {row["rate"] for row in Results.open(folder).summary} == {0.2}
+
+
+def test_the_first_runs_of_a_longer_study_are_the_short_study(small: Path) -> None:
+    rkfbench("run", small, "--runs", "3", "--out", "short")
+    rkfbench("run", small, "--runs", "130", "--out", "long")
+    short, long = (Results.open(each).values("default", "rate=0.4", "hkf", "err_norm") for each in ("short", "long"))
+    assert short.tolist() == long[:3].tolist()
+
+
+def test_any_number_of_processes_gives_the_same_bytes(small: Path) -> None:
+    for jobs in ("1", "2"):
+        assert rkfbench("run", small, "--jobs", jobs, "--out", jobs).exit_code == 0
+    assert tables(Path("1")) == tables(Path("2"))
+
+
+def test_run_as_json(small: Path) -> None:
+    (outcome,) = json.loads(rkfbench("run", small, "--json", "-q").stdout)
+    assert (outcome["folder"], outcome["computed"], outcome["failures"]) == ("results/small", 2, [])
+
+
+def test_the_resolved_scenario_runs_again_to_the_same_numbers(small: Path) -> None:
+    rkfbench("run", small, "--runs", "4", "--out", "a")
+    assert rkfbench("run", "a/scenario.yaml", "--out", "b").exit_code == 0
+    assert tables(Path("a")) == tables(Path("b"))
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["nowhere.yaml"], "nowhere.yaml"),
+        (["smal"], "no scenario 'smal'"),
+        (["small.yaml", "--set", "measurement_noise.rat=1"], "measurement_noise.rat"),
+        (["small.yaml", "--set", "measurement_noise.rate=2"], "rate"),
+        (["small.yaml", "--runs", "0"], "--runs"),
+        (["small.yaml", "--jobs", "0"], "--jobs"),
+        (["small.yaml", "--colour"], "--colour"),
+        ([], "scenarios"),
+    ],
+)
+def test_what_is_wrong_is_said_on_stderr_and_nothing_is_written(small: Path, args: list[str], message: str) -> None:
+    result = rkfbench("run", *args)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr.lower()
+    assert "Traceback" not in result.stderr
+    assert not Path("results").exists()
+
+
+def test_a_bad_scenario_overwrites_nothing(small: Path) -> None:
+    rkfbench("run", small)
+    before = tables(Path("results/small"))
+    small.write_text(small.read_text().replace("rate: 0.05", "rat: 0.05"))
+    assert rkfbench("run", small).exit_code == 2
+    assert tables(Path("results/small")) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_may_not_be_written_is_one_message(small: Path) -> None:
+    Path("closed").mkdir(mode=0o500)
+    result = rkfbench("run", small, "--out", "closed/r")
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 2)
+    assert "cannot write closed/r: Permission denied" in result.stderr
+
+
+def test_an_output_folder_below_a_file_is_one_message(small: Path) -> None:
+    result = rkfbench("run", small, "--out", "small.yaml/r")
+    assert (result.exit_code, "Traceback" in result.stderr) == (2, False)
+    assert "cannot write small.yaml/r" in result.stderr
+
+
+def test_an_unexpected_exception_is_one_line_and_shows_its_place_with_v(
+    small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*args: Any, **options: Any) -> None:
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr("rkfbench.study.run.update", broken)
+    plain, verbose = rkfbench("run", small), rkfbench("run", small, "-v")
+    assert (plain.exit_code, verbose.exit_code) == (1, 1)
+    assert plain.stderr.splitlines()[-2] == "ZeroDivisionError: by zero"
+    assert "run again with -v" in plain.stderr.splitlines()[-1]
+    assert "Traceback" not in plain.stderr
+    assert "Traceback" in verbose.stderr
+
+
+def test_a_filter_that_raises_is_named_and_ends_with_exit_code_1(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import rkfbench.study.compute as module
+
+    compute = module.compute
+
+    def broken(spec: Any, seed: int, block: int, runs: int, labels: Any) -> Any:
+        if "hkf" in labels:
+            raise ValueError("no such root")
+        return compute(spec, seed, block, runs, labels)
+
+    monkeypatch.setattr(module, "compute", broken)
+    result = rkfbench("run", small)
+    assert result.exit_code == 1
+    assert "small: case rate=0.4 (default), filter hkf, block 0: ValueError: no such root" in result.stderr
+    assert {row["filter"] for row in Results.open("results/small").summary} == {"kf"}
+
+
+def test_ctrl_c_keeps_finished_blocks_and_says_how_to_go_on(small: Path) -> None:
+    command = [sys.executable, "-m", "rkfbench", "run", small, "--jobs", "1", "--runs", "20000", "--set", "steps=500"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": ROOT}) as process:
+        blocks = Path("results/small~steps=500,runs=20000/blocks")
+        deadline = time.monotonic() + 60
+        while not (blocks.is_dir() and any(blocks.glob("*.block"))) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert re.search(r"interrupted; \d+ finished blocks? of small kept: the same command goes on from there\n", stderr)
+    assert "Traceback" not in stderr
+    assert any(blocks.glob("*.block"))
+
+
+def test_a_closed_pipe_is_quiet(small: Path) -> None:
+    command = f"{sys.executable} -m rkfbench schema | head -1"
+    done = subprocess.run(
+        command, shell=True, capture_output=True, text=True, check=True, env=os.environ | {"PYTHONPATH": ROOT}
+    )
+    assert (done.stdout, done.stderr) == ("{\n", "")
+
+
+def test_validate_tells_every_problem_with_its_line(small: Path) -> None:
+    assert rkfbench("validate", small).stdout == "small.yaml: valid (readings: 1, cases: 2, filters: 2)\n"
+    small.write_text(small.read_text().replace("rate: 0.05", "rat: 0.05").replace("seed: 5", "seed: five"))
+    result = rkfbench("validate", small)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "small.yaml:3:" in result.stderr
+    assert "small.yaml:11:" in result.stderr
+    (verdict,) = json.loads(rkfbench("validate", small, "--json").stdout)
+    assert not verdict["valid"]
+    assert {problem["line"] for problem in verdict["problems"]} >= {3, 11}
+
+
+@pytest.mark.parametrize("kind", ["filters", "moments", "weights", "schemes", "models", "noises", "metrics"])
+def test_everything_that_is_listed_can_be_shown(kind: str) -> None:
+    names = [row["name"] for row in json.loads(rkfbench("list", kind, "--json").stdout)]
+    assert names
+    for name in names:
+        shown = rkfbench("show", name)
+        assert (shown.exit_code, shown.stdout.startswith(f"{name} (")) == (0, True)
+
+
+def test_a_scenario_is_shown_with_its_defaults(small: Path) -> None:
+    shown = rkfbench("show", "small.yaml").stdout
+    Path("shown.yaml").write_text(shown)
+    assert rkfbench("validate", "shown.yaml").exit_code == 0
+    assert json.loads(rkfbench("show", "small.yaml", "--json").stdout)["name"] == "small"
+
+
+def test_an_unknown_name_is_answered_with_a_near_one() -> None:
+    result = rkfbench("show", "aladfk")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "did you mean 'aladkf'?" in result.stderr
+
+
+def test_compare_tells_same_from_different(small: Path) -> None:
+    for out, options in {"a": [], "b": [], "c": ["--seed", "6"], "d": ["--set", "filters.hkf.threshold=0.01"]}.items():
+        rkfbench("run", small, "--out", out, *options)
+    assert rkfbench("compare", "a", "b").stdout.startswith("same bytes")
+    other_seed = rkfbench("compare", "a", "c")
+    assert (other_seed.exit_code, other_seed.stdout.split(" (")[0]) == (0, "no statistical difference")
+    other_filter = rkfbench("compare", "a", "d")
+    assert other_filter.exit_code == 3
+    assert "hkf" in other_filter.stdout
+    assert "kf " not in re.sub("hkf", "", other_filter.stdout.split("\n", 2)[2])
+
+
+def test_verify_lists_claims_and_notices_a_region_that_moved(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    result = rkfbench("verify", "results/small")
+    assert result.exit_code == 0
+    assert re.search(r"^outliers +default +reproduced ", result.stdout, re.M)
+    claiming.write_text(claiming.read_text().replace("along: cases}", "along: cases, margin: 1000}"))
+    moved = rkfbench("verify", "results/small")
+    assert moved.exit_code == 3
+    assert re.search(r"^outliers +default +not reproduced ", moved.stdout, re.M)
+    assert "reproduced -> not reproduced" in moved.stderr
+
+
+def test_verdicts_edited_by_hand_are_refused(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    claims = Path("results/small/claims.csv")
+    claims.write_text(claims.read_text().replace("reproduced", "not reproduced"))
+    result = rkfbench("verify", "results/small")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "claims.csv is not what rkfbench wrote" in result.stderr
+
+
+def test_explain_tells_what_was_measured_and_how_to_repeat_it(claiming: Path) -> None:
+    assert rkfbench("explain", "outliers").exit_code == 2  # no results yet
+    rkfbench("run", claiming)
+    text = rkfbench("explain", "outliers").stdout
+    for part in (
+        "outliers make the error",
+        "claimed > 0: reproduced",
+        "would flip at",
+        "interval",
+        "rkfbench run small",
+    ):
+        assert part in text
+    assert "did you mean 'outliers'?" in rkfbench("explain", "outlier").stderr
+
+
+def test_report_is_made_again_from_the_results_to_the_same_bytes(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    pages = ["results/small/report.html", "results/small/report.md"]
+    assert rkfbench("report", "results/small").stdout.splitlines() == pages
+    before = {path: path.read_bytes() for path in Path("results/small").rglob("*") if path.is_file()}
+    rkfbench("report", "results/small")
+    assert {path: path.read_bytes() for path in Path("results/small").rglob("*") if path.is_file()} == before
+
+
+def test_reproduce_compares_with_the_reference_that_was_published(
+    claiming: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rkfbench.scenario.files.FOLDER", claiming.parent)
+    reference = rkfbench("reproduce", "--reference")
+    assert (reference.exit_code, reference.stderr.count("Traceback")) == (0, 0)
+    kept = {path.name for path in Path("results/reference/small").iterdir()}
+    assert {"summary.csv", "claims.csv", "manifest.json", "figures", "tables"} <= kept
+    assert not {"runs.csv", "blocks"} & kept
+    assert {row["runs"] for row in Results.open("results/reference/small").summary} == {8}
+
+    ours = rkfbench("reproduce")
+    assert ours.exit_code == 0
+    assert "small: against results/reference: no statistical difference" in ours.stderr
+    assert re.search(r"^small +default +", ours.stdout, re.M)
+    assert Path("results/report.html").exists()
+
+
+def test_help_and_version_answer_without_numpy() -> None:
+    code = "import sys, rkfbench.cli.commands; print(sorted({'numpy', 'pydantic', 'rich'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout == "[]\n"
+    assert rkfbench("--help").exit_code == 0
+    assert re.fullmatch(r"\d+\.\d+\.\d+\n", rkfbench("--version").stdout)
+
+
+ROOT = str(Path(__file__).parents[1])
