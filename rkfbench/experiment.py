@@ -93,6 +93,7 @@ class Experiment:
     script: Truth | None = None
     disturbances: tuple[Disturbance, ...] = ()
     point: tuple[int, int] | None = None  # the step j and the lag of point smoothers
+    score: str = "rmse"  # the metric by which runs are judged
 
     @property
     def Q(self) -> Array:
@@ -119,6 +120,7 @@ class Experiment:
             ),
             "lost": lambda: _lost(spec.get("lost"), model, spec["steps"]),
             "point": lambda: _point(spec.get("point"), spec["steps"]),
+            "score": lambda: _score(spec.get("score") or "rmse", model, spec),
             "metrics": lambda: tuple(_metric(i, text, model, spec) for i, text in enumerate(spec["metrics"])),
         }.items():
             with _collect(faults):
@@ -298,24 +300,36 @@ def _point(spec: Mapping[str, Any] | None, steps: int) -> tuple[int, int] | None
         return spec["at"], spec["lag"]
 
 
+def _score(text: str, model: Model, spec: Mapping[str, Any]) -> str:
+    with under("score"):
+        metric = _checked(text, model, spec)
+        if metric.curve or metric.root or metric.quantity.keep or metric.quantity.partners or metric.name == "score":
+            raise SpecError(f"'{text}' is not one number a run from the estimates alone, such as rmse or axis_rmse[px,py]")
+        return text
+
+
 def _metric(i: int, text: str, model: Model, spec: Mapping[str, Any]) -> Metric:
-    steps, point = spec["steps"], spec.get("point")
     with under("metrics", i):
-        metric = metrics.get(text)
-        for name in metric.states:
-            if name not in model.states:
-                raise SpecError(
-                    f"the model has no state '{name}'{did_you_mean(name, model.states)} (it has {', '.join(model.states)})"
-                )
-        if metric.at is not None and not 1 <= metric.at[0] <= metric.at[1] <= steps:
-            raise SpecError(f"steps {metric.at[0]}..{metric.at[1]} are not within 1..{steps}")
-        if metric.point is not None and point is None:
-            raise SpecError("`@j` and `@lag` are about a point, and there is no `point` here")
-        if point is not None and isinstance(metric.point, int) and metric.point > point["lag"]:
-            raise SpecError(f"the lag goes from 0 to {point['lag']}")
-        if not len(metric.ks(steps)):
-            raise SpecError(f"'{text}' has no step within 1..{steps}")
-        return metric
+        return _checked(text, model, spec)
+
+
+def _checked(text: str, model: Model, spec: Mapping[str, Any]) -> Metric:
+    steps, point = spec["steps"], spec.get("point")
+    metric = metrics.get(text)
+    for name in metric.states:
+        if name not in model.states:
+            raise SpecError(
+                f"the model has no state '{name}'{did_you_mean(name, model.states)} (it has {', '.join(model.states)})"
+            )
+    if metric.at is not None and not 1 <= metric.at[0] <= metric.at[1] <= steps:
+        raise SpecError(f"steps {metric.at[0]}..{metric.at[1]} are not within 1..{steps}")
+    if metric.point is not None and point is None:
+        raise SpecError("`@j` and `@lag` are about a point, and there is no `point` here")
+    if point is not None and isinstance(metric.point, int) and metric.point > point["lag"]:
+        raise SpecError(f"the lag goes from 0 to {point['lag']}")
+    if not len(metric.ks(steps)):
+        raise SpecError(f"'{text}' has no step within 1..{steps}")
+    return metric
 
 
 def _check_partners(wanted: Sequence[Metric], built: Mapping[str, Any]) -> None:

@@ -65,8 +65,7 @@ def verified(folder: Path) -> list[Verified]:
     scenario = current(results)
     if CLAIMS not in results.manifest["files"]:
         raise UsageError(f"{folder} has no {CLAIMS}: make it with rkfbench run")
-    columns, lines = files.read_csv(folder / CLAIMS)
-    kept = {line.key: line for line in (stored(dict(zip(columns, each, strict=True))) for each in lines)}
+    kept = {line.key: line for line in map(stored, results.claims)}
     found = []
     for docket in dockets(scenario, results):
         cells = {cell.key for cell in docket.cells}

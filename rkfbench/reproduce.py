@@ -16,16 +16,17 @@ from typing import TYPE_CHECKING, Any
 from rkfbench.claims.measure import Estimand, Selected
 from rkfbench.compare import compare
 from rkfbench.errors import UsageError
-from rkfbench.judge import dockets, write_claims
+from rkfbench.judge import Docket, dockets, write_claims
 from rkfbench.report.render import render
 from rkfbench.scenario import bundled
 from rkfbench.store import Results, files, manifest
 from rkfbench.study import checks, clock, run, tuning
 from rkfbench.study.engines import Engine
-from rkfbench.study.run import Outcome, Report
+from rkfbench.study.events import Report
+from rkfbench.study.run import Outcome
 
 if TYPE_CHECKING:
-    from rkfbench.scenario import Scenario
+    from rkfbench.scenario import Cell, Scenario
 
 RESULTS = Path("results")
 REFERENCE = RESULTS / "reference"
@@ -54,6 +55,7 @@ def experiment(
 ) -> Outcome:
     """Bring a results folder up to date: its numbers, and what is made of them."""
     claims = dockets(scenario)  # a claim that cannot be measured is an error before anything is run
+    scenario = replace(scenario, sensitivity=tuple(_sensitive(scenario, claims)))
     forms = [cell.form for docket in claims for cell in docket.cells if cell.form.scenario == scenario.name]
     estimands = [form.estimand for form in forms if form.estimand is not None]
     facts: dict[str, Any] = {"argv": list(argv)}
@@ -71,6 +73,14 @@ def experiment(
             write_claims(scenario, folder)
             render(folder)
     return outcome
+
+
+def _sensitive(scenario: Scenario, claims: Sequence[Docket]) -> Iterator[Cell]:
+    """The cells of the sensitivity study that headline claims are about; all of them where there is no headline."""
+    headline = [cell for docket in claims for cell in docket.cells if cell.claim.id in docket.paper.headline]
+    points = [point for cell in headline if cell.form.estimand for point in cell.form.estimand.points]
+    cases = {case for point in points for case in point.case.names()}
+    return (cell for cell in scenario.sensitivity if cell.case in cases or not headline)
 
 
 def _selections(estimands: Iterable[Estimand]) -> Iterator[Selected]:

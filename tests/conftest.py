@@ -31,6 +31,7 @@ figures:
   - {id: errors, kind: curve, metric: err_norm@k}
 tables:
   - {id: errors, metric: err_norm}
+  - {id: times, metric: time_ms}
 claims:
   - id: outliers
     says: outliers make the error of the KF larger

@@ -10,7 +10,11 @@ from rkfbench.filters import FILTERS, build
 from rkfbench.streams import Streams
 
 # Parameters that a filter cannot do without, by filter name: "*" for any problem.
-REQUIRED: dict[str, dict[str, Any]] = {"fixed_point": {"filter": "kf", "at": 4, "lag": 6}}
+POINT = {"at": 4, "lag": 4}
+REQUIRED: dict[str, dict[str, Any]] = {
+    "fixed_point": {"filter": "kf", **POINT},
+    **{name: POINT for name in ("ks", "fpmcs", "ps")},
+}
 
 SPECS: dict[str, dict[str, Any]] = {
     "navigation": {

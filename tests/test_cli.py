@@ -230,6 +230,18 @@ def test_verify_lists_claims_and_notices_a_region_that_moved(claiming: Path) -> 
     assert "reproduced -> not reproduced" in moved.stderr
 
 
+def test_times_are_kept_apart_and_measured_only_once(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    before = Path("results/small/timings/repeats.csv").read_bytes()
+    results = Results.open("results/small")
+    times = results.values("default", "rate=0", "kf", "time_ms")
+    assert len(times) >= 10
+    assert min(times) > 0
+    assert "time_ms" not in {row["metric"] for row in results.summary}
+    rkfbench("run", claiming)
+    assert Path("results/small/timings/repeats.csv").read_bytes() == before
+
+
 def test_verdicts_edited_by_hand_are_refused(claiming: Path) -> None:
     rkfbench("run", claiming)
     claims = Path("results/small/claims.csv")

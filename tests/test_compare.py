@@ -56,7 +56,9 @@ def test_other_seeds_differ_by_chance_only(tmp_path: Path) -> None:
     levels = []
     for k in range(40):
         a = results(tmp_path / f"a{k}", {label: draw(100 * k + i) for i, label in enumerate("stuvwxyz")}, 1, False)
-        b = results(tmp_path / f"b{k}", {label: draw(5000 + 100 * k + i) for i, label in enumerate("stuvwxyz")}, 2, False)
+        b = results(
+            tmp_path / f"b{k}", {label: draw(5000 + 100 * k + i) for i, label in enumerate("stuvwxyz")}, 2, False
+        )
         levels.append(compare(a, b).level)
     assert levels.count("different") <= 8  # 5 % of 40 in the mean: more than 8 has probability 1e-4
 

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rkfbench.study.run import Event
+    from rkfbench.study.events import Event
+
+MOST_NAMED = 3  # cases that one line names
 
 
 @dataclass
@@ -60,12 +62,13 @@ class Terminal:
         with self._bar(name) as advance:
 
             def listen(event: Event) -> None:
-                from rkfbench.study import run
+                from rkfbench.study import events
 
                 match event:
-                    case run.Recomputing(case, reason):
-                        self.note(f"{name}: recomputing {case}: {reason}")
-                    case run.Failure():
+                    case events.Recomputing(cases, reason):
+                        which = ", ".join(cases) if len(cases) <= MOST_NAMED else f"{len(cases)} cases"
+                        self.note(f"{name}: recomputing {which}: {reason}")
+                    case events.Failure():
                         self.error(f"{name}: {event}" + (f"\n{event.traceback}" if self.verbose else ""))
                     case _:
                         advance(event)
@@ -74,13 +77,13 @@ class Terminal:
 
     @contextmanager
     def _bar(self, name: str) -> Iterator[Callable[[Event], None]]:
-        from rkfbench.study import run
+        from rkfbench.study import events
 
         kept = 0
 
         def count(event: Event) -> None:
             nonlocal kept
-            if isinstance(event, run.BlockDone):
+            if isinstance(event, events.BlockDone):
                 kept += 1
                 self.activity = f"{kept} finished block{'s' if kept != 1 else ''} of {name} kept"
 
@@ -88,7 +91,7 @@ class Terminal:
 
             def plain(event: Event) -> None:
                 count(event)
-                if isinstance(event, run.CaseDone):
+                if isinstance(event, events.CaseDone):
                     self.note(f"{name}: {event.case}: {event.runs} runs, {event.filters} filters")
 
             yield plain
@@ -109,9 +112,9 @@ class Terminal:
 
             def advance(event: Event) -> None:
                 count(event)
-                if isinstance(event, run.Planned):
+                if isinstance(event, events.Planned):
                     bar.update(task, total=event.missing)
-                elif isinstance(event, run.BlockDone):
+                elif isinstance(event, events.BlockDone):
                     bar.update(task, advance=1, case=event.case)
 
             yield advance

@@ -31,6 +31,7 @@ class Estimate:
     failed: NDArray[np.bool_]
     extras: Mapping[str, Array] = field(default_factory=dict)
     target: int | None = None
+    derived: dict[str, Array] = field(default_factory=dict, repr=False)  # what metrics made of it and look at again
 
 
 @dataclass(frozen=True)

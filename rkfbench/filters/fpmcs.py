@@ -169,8 +169,8 @@ FILTERS: dict[str, Entry] = {
     "mckf": Entry(mckf, paper="fpmcs-2024", equations="(5)-(6), (16)", limits=(Limit({"sigma": float("inf")}, "kf"),)),
     "ks": Entry(ks, paper="fpmcs-2024", equations="(17)-(24) with C = I"),
     "fpmcs": Entry(CorrentropySmoother, paper="fpmcs-2024", equations="(16), (20)-(24)"),
-    "pf": Entry(pf, paper="fpmcs-2024"),
-    "ps": Entry(ps, paper="fpmcs-2024"),
+    "pf": Entry(pf, paper="fpmcs-2024", needs=frozenset({"streams"})),
+    "ps": Entry(ps, paper="fpmcs-2024", needs=frozenset({"streams"})),
     "fixed_point": Entry(fixed_point, paper="fpmcs-2024", equations="(17)-(24)"),
     "rts": Entry(rts),
 }

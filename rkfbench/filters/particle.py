@@ -26,6 +26,8 @@ from rkfbench.noise import Gaussian, Law
 from rkfbench.noise.matrices import factor
 from rkfbench.streams import GROUP, Onward, Streams
 
+TOGETHER = 32  # runs that go through together: their particles stay in the cache
+
 Particles = Annotated[int, Ge(2), "number of particles"]
 Likelihood = Annotated[Literal["law", "gauss"], "density of the measurement noise: the true law without shots, or N(0, R)"]
 Ess = Annotated[float, Interval(ge=0, le=1), "resample where the effective sample size is below this share of the particles"]
@@ -97,10 +99,11 @@ class ParticleFilter:
         streams = (streams or Streams(0, groups=-(-M // GROUP))).within("particles")
         process = self.process or Gaussian.of(Q[..., 0])
         measurement = self.measurement if self.measurement and self.likelihood == "law" else Gaussian.of(R[..., 0])
-        for g, start in enumerate(range(0, M, GROUP)):
-            runs = slice(start, min(start + GROUP, M))
+        for start in range(0, M, TOGETHER):
+            runs = slice(start, min(start + TOGETHER, M))
             mean = x0[:, runs]
-            draw = Onward(streams.seed, streams.first + g, 1, streams.scope, mean.shape[1] * self.particles)
+            scope, group = f"{streams.scope}{start % GROUP}/", streams.first + start // GROUP
+            draw = Onward(streams.seed, group, 1, scope, mean.shape[1] * self.particles)
             yield _Cloud(model, process, measurement, draw, mean, factor(P0[..., 0]), self.particles, self.ess), y[..., runs]
 
 
@@ -243,11 +246,11 @@ class _Cloud:
         upto = np.cumsum(self.weights[runs], axis=-1)
         upto = np.ceil(self.particles * upto - u[runs, None]).astype(np.intp).clip(0, self.particles)
         upto[:, -1] = self.particles
-        chosen = np.repeat(np.tile(np.arange(self.particles), len(runs)), np.diff(upto, axis=-1, prepend=0).ravel())
-        chosen = chosen.reshape(len(runs), self.particles)
+        places = (runs[:, None] * self.particles + np.arange(self.particles)).ravel()
+        chosen = np.repeat(places, np.diff(upto, axis=-1, prepend=0).ravel())
         for A in (self.x,) if self.copy is None else (self.x, self.copy):
             for each in A:
-                each[runs] = each[runs[:, None], chosen]
+                each[runs] = each.take(chosen).reshape(len(runs), -1)
         self.log[runs] = 0.0
         self.weights[runs] = 1 / self.particles
 

@@ -7,7 +7,7 @@ touched. A missing measurement component (NaN in y) is left out of the update; a
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -58,7 +58,7 @@ def collect(steps: Iterable[Step], keep: Collection[str]) -> Estimate:
 
 def steps(filt: Recursive, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[Step]:
     """The steps k = 1..T one after the other, from arguments as `prepare` makes them."""
-    incomplete = np.isnan(y).any(axis=(1, 2))
+    incomplete: Array = np.isnan(y).any(axis=(1, 2))
     plausible = getattr(model, "plausible", None)
     for k, yk in enumerate(y, 1):
         prior_x, prior_P, *handed = filt.predict(model, x, P, k, Q[k - 1] if Q.ndim == 4 else Q)
@@ -102,7 +102,7 @@ class History:
         for name in arrays.keys() & self.steps.keys():
             self.steps[name].append(arrays[name])
 
-    def estimate(self, failed: Array, width: int) -> Estimate:
+    def estimate(self, failed: Any, width: int) -> Estimate:
         arrays = {name: _stack(steps, width) for name, steps in self.steps.items() if steps}
         missing = self.steps.keys() - arrays.keys()
         if missing:

@@ -12,9 +12,9 @@ from annotated_types import Ge, Interval
 from rkfbench.catalogue import Entry
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
-from rkfbench.metrics import diagnostics, point
+from rkfbench.metrics import consistency, diagnostics, point
 from rkfbench.metrics.base import Metric, Trial
-from rkfbench.metrics.conditioning import ConditionRatioTopPsi, ConditionS, ConditionTopLambda, DigitsLost, Premise, WorseGivenPremise
+from rkfbench.metrics.conditioning import ConditionRatioTopPsi, ConditionS, ConditionTopLambda, Premise, WorseGivenPremise
 from rkfbench.metrics.errors import AbsoluteError, ErrorNorm, SquaredError, SquaredErrorWhere
 from rkfbench.metrics.influence import InfluenceNorm
 from rkfbench.metrics.objective import ArgminDistance, GradientRest
@@ -85,11 +85,6 @@ def share_worse_given_46(than: Annotated[str, "label of the filter compared with
     return {"quantity": WorseGivenPremise(than), "reduce": "mean_where"}
 
 
-def cond_S_digits() -> Parts:
-    """Decimal digits lost at worst: log10 of the largest cond(S) over the steps."""
-    return {"quantity": DigitsLost(), "reduce": "max"}
-
-
 def cond_ratio_top_psi(
     over: Annotated[str, "label of the filter compared with"] = "kf", count: Annotated[int, Ge(1), "steps a run"] = 25
 ) -> Parts:
@@ -138,13 +133,13 @@ METRICS: dict[str, Entry] = {
     "outlier_rate": Entry(outlier_rate, paper="aladkf-2020", equations="(38)"),
     "share_46": Entry(share_46, paper="aladkf-2020", equations="(46)"),
     "share_worse_given_46": Entry(share_worse_given_46, paper="aladkf-2020", equations="(46)-(47)"),
-    "cond_S_digits": Entry(cond_S_digits, paper="aladkf-2020", equations="(42)-(44)"),
     "cond_ratio_top_psi": Entry(cond_ratio_top_psi, paper="aladkf-2020", equations="(42)-(43)"),
     "cond_S_top_lambda": Entry(cond_S_top_lambda, paper="aladkf-2020", equations="(43)-(44), (58)"),
     "gradient_rest": Entry(gradient_rest, paper="aladkf-2020", equations="(24)"),
     "argmin_distance": Entry(argmin_distance, paper="aladkf-2020", equations="(12), (36)"),
     **diagnostics.METRICS,
     **point.METRICS,
+    **consistency.METRICS,
 }
 
 _NAME = re.compile(r"(?P<name>\w+)(?:\((?P<params>[^()]*)\))?(?:\[(?P<states>[^\[\]]*)\])?(?:@(?P<at>k|lag|j(?:\+\d+)?|\d+(?:\.\.\d+)?))?")

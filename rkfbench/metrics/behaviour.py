@@ -15,6 +15,14 @@ from rkfbench.metrics.base import Each, Trial
 
 
 @dataclass(frozen=True)
+class Error(Each):
+    """Estimate minus truth of one state, or the sum over several."""
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        return np.asarray((trial.estimate.mean[:, states] - trial.truth()[:, states]).sum(1))
+
+
+@dataclass(frozen=True)
 class Fluctuation(Each):
     """|e_k - e_{k-1}|^2 of the errors e of the states, k = 2..T."""
 

@@ -30,14 +30,6 @@ class ConditionS(Each):
 
 
 @dataclass(frozen=True)
-class DigitsLost(ConditionS):
-    """Decimal digits that solving with S may lose: log10 cond(S)."""
-
-    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        return np.log10(super().__call__(trial, states))
-
-
-@dataclass(frozen=True)
 class ConditionTopLambda(Each):
     """cond(S) at the steps of each run at which the factor lambda of the filter `by` is largest."""
 
@@ -112,8 +104,10 @@ class WorseGivenPremise(Each):
 
 
 def condition_of(estimate: Estimate) -> Array:
-    """cond(S) at all steps, (T, M or 1)."""
-    return cond(np.moveaxis(estimate.extras["S"], 0, 2))
+    """cond(S) at all steps, (T, M or 1); computed once for an estimate, since many metrics look at it."""
+    if "cond_S" not in estimate.derived:
+        estimate.derived["cond_S"] = cond(np.moveaxis(estimate.extras["S"], 0, 2))
+    return estimate.derived["cond_S"]
 
 
 def psi_condition(estimate: Estimate) -> Array:

@@ -7,13 +7,18 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt
 
 from rkfbench.catalogue import Entry
-from rkfbench.metrics.behaviour import Distance, Fluctuation, Nees, Settling, StandardDeviation
-from rkfbench.metrics.histories import Below, MeanOf
+from rkfbench.metrics.behaviour import Distance, Error, Fluctuation, Nees, Settling, StandardDeviation
+from rkfbench.metrics.histories import Beyond, MeanOf
 
 Parts = dict[str, Any]
 Over = Annotated[Literal["mean", "median", "max"], "over the steps of a run"]
 History = Annotated[str, "name of a history that the filter keeps, such as alpha, weight, nu"]
 Component = Annotated[str, "one component of it, by the name of the measurement or state; default: all"]
+
+
+def error() -> Parts:
+    """Error of a state with its sign, estimate minus truth, averaged over the steps; `@k` is its curve."""
+    return {"quantity": Error()}
 
 
 def fluctuation() -> Parts:
@@ -48,10 +53,16 @@ def mean_of(name: History, component: Component = "") -> Parts:
 
 def share_below(name: History, limit: Annotated[float, "upper limit, itself excluded"] = 1.0, component: Component = "") -> Parts:
     """Share of the steps at which something that the filter shows lies below a limit, in any component."""
-    return {"quantity": Below(name=name, component=component, limit=float(limit))}
+    return {"quantity": Beyond(name=name, component=component, limit=float(limit))}
+
+
+def share_above(name: History, limit: Annotated[float, "lower limit, itself excluded"] = 1.0, component: Component = "") -> Parts:
+    """Share of the steps at which something that the filter shows lies above a limit, in any component."""
+    return {"quantity": Beyond(name=name, component=component, limit=float(limit), above=True)}
 
 
 METRICS: dict[str, Entry] = {
+    "error": Entry(error),
     "fluctuation": Entry(fluctuation, paper="daf", equations="conclusions"),
     "settling": Entry(settling),
     "nees": Entry(nees),
@@ -59,4 +70,5 @@ METRICS: dict[str, Entry] = {
     "distance": Entry(distance),
     "mean_of": Entry(mean_of),
     "share_below": Entry(share_below),
+    "share_above": Entry(share_above),
 }

@@ -1,7 +1,7 @@
 """Numbers from what a filter shows of itself: factors, weights, standardised residuals, last changes of an iteration.
 
 The history is named in the metric, `mean_of(name=u_beta)` or `share_below(name=alpha, component=A, limit=1)`, and a filter that does not keep it has no such
-number. A history with several components is taken as the smallest of them (a share), or as their mean.
+number. Of a history with several components any one counts (a share), or their mean.
 """
 
 from __future__ import annotations
@@ -48,10 +48,12 @@ class MeanOf(Shown):
 
 
 @dataclass(frozen=True)
-class Below(Shown):
-    """1 where the smallest component lies below the limit, else 0."""
+class Beyond(Shown):
+    """1 where any component lies below the limit (or above it), else 0."""
 
     limit: float = 1.0
+    above: bool = False
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        return np.asarray((self.values(trial) < self.limit).any(1).astype(float))
+        values = self.values(trial)
+        return np.asarray((values > self.limit if self.above else values < self.limit).any(1).astype(float))

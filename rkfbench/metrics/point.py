@@ -33,13 +33,17 @@ class PriorSquaredError(Each):
 
 @dataclass(frozen=True)
 class Trace(Each):
-    """Sum of the variances of the states that the filter states: of its estimate, or of its prior or posterior at j."""
+    """Sum of the variances of the states that a smoother states: of its estimate, or of its filter's prior or posterior at j."""
 
     of: Literal["cov", "prior_cov", "post_cov"] = "cov"
 
     @property
     def keep(self) -> frozenset[str]:  # type: ignore[override]
         return frozenset({self.of})
+
+    def applies(self, filt: Any) -> bool:
+        """Smoothers only."""
+        return getattr(filt, "target", None) is not None
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         P = trial.estimate.cov if self.of == "cov" else trial.estimate.extras[self.of]
@@ -82,7 +86,7 @@ def tracking_mse() -> dict[str, Any]:
 
 
 def trace(of: Annotated[Literal["cov", "prior_cov", "post_cov"], "which covariance"] = "cov") -> dict[str, Any]:
-    """Trace of the covariance that a filter states for its estimate, for its prior or (smoothers) for its posterior at j."""
+    """Trace of the covariance that a smoother states for its estimate, or of its filter's prior or posterior at j."""
     return {"quantity": Trace(of)}
 
 

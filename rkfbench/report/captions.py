@@ -66,6 +66,9 @@ def metric_name(metric: str) -> str:
 def _what(figure: Any, metrics: str, runs: str, points: Sequence[Point]) -> str:
     if figure.kind == "runs":
         return f"{metrics}, one mark a run, the first {len(distinct(p.x for p in points))} of {runs}; line: their mean"
+    if figure.statistic == "first":
+        band = f"; shaded: ± {metric_name(figure.band)} over {runs}" if figure.band else ""
+        return f"{metrics} of the first run{band}"
     statistic = f"{figure.statistic.capitalize()} of {metrics} over {runs}"
     if figure.kind in ("curve", "panels"):
         statistic += " at each step"

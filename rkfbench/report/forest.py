@@ -2,7 +2,7 @@
 
 Claims have different units, so every row has its own axis: it spans the interval, the estimate and the finite edges of
 the region with some room. What the eye compares is where the interval lies: in the region, outside, or across its edge.
-A row is the cell that decides its claim: the one with the least favourable verdict, nearest to flipping.
+A row is the cell that decides its claim (see `deciding`).
 """
 
 from __future__ import annotations
@@ -71,13 +71,13 @@ def lines(
 
 
 def deciding(cells: Sequence[Row]) -> Row:
-    """The cell that decides a claim: the least favourable verdict, then the least margin in %."""
+    """The cell that decides a claim: of those with the least favourable verdict, the one that decides it most.
 
-    def key(row: Row) -> tuple[int, float]:
-        margin = row.get("flip_percent")
-        return WORST.index(row["verdict"]), margin if margin is not None and math.isfinite(margin) else math.inf
-
-    return min(cells, key=key)
+    A claim that holds is as strong as its cell nearest to flipping; one that fails, as its cell farthest from it.
+    """
+    verdict = min((row["verdict"] for row in cells), key=WORST.index)
+    agreeing = [row for row in cells if row["verdict"] == verdict]
+    return (min if verdict == "reproduced" else max)(agreeing, key=lambda row: _finite(row.get("flip_percent")) or 0.0)
 
 
 def line(row: Row, cells: int = 1) -> Line:

@@ -50,6 +50,11 @@ class Material:
         return curves
 
     @cached_property
+    def timed(self) -> set[str]:
+        """The readings under which times were measured: they change numbers, not times."""
+        return {key[0] for key in self.summary if is_time(key[3])}
+
+    @cached_property
     def counts(self) -> dict[tuple[str, str, str], tuple[int, int, int]]:
         """(reading, case, filter) -> runs, failed runs, lost runs."""
         return {key_of(row)[:3]: (row["runs"], row["failed"], row["lost"]) for row in self.results.summary}
@@ -91,7 +96,8 @@ class Material:
 
     def pick_filters(self, item: Selection) -> list[str]:
         if item.filters is not None:
-            return [label for label in item.filters if label in self.filters]
+            there = {key[2] for key in self.summary} | self.filters.keys()  # some are only timed
+            return [label for label in item.filters if label in there]
         return [label for label in self.filters if label not in self.extra_filters]
 
     def estimate(self, key: Key, statistic: str) -> tuple[float, float | None]:
@@ -115,16 +121,16 @@ class Material:
         return self.results.has_runs or is_time(metric)
 
     def _times(self) -> Iterator[Row]:
-        """The repeats of every measured time as rows of the summary, under the first reading: none changes a time."""
-        repeats: dict[tuple[str, str, str], list[float]] = {}
+        """The repeats of every measured time as rows of the summary."""
+        repeats: dict[Key, list[float]] = {}
         for row in self.results.timings.get("repeats", ()):
-            repeats.setdefault((text(row["case"]), text(row["filter"]), row["metric"]), []).append(row["value"])
-        reading = text(self.results.summary[0]["reading"]) if self.results.summary else ""
-        for (case, label, metric), values in repeats.items():
+            repeats.setdefault(key_of(row), []).append(row["value"])
+        for key, values in repeats.items():
             count, mean, middle = len(values), fmean(values), median(values)
             sd = stdev(values) if count > 1 else None
-            place = {"reading": reading, "case": case, "filter": label, "metric": metric, "runs": count}
-            yield place | {"mean": mean, "sd": sd, "se": sd and sd / math.sqrt(count), "median": middle}
+            place = dict(zip(("reading", "case", "filter", "metric"), key, strict=True))
+            error = None if sd is None else sd / math.sqrt(count)
+            yield place | {"runs": count, "mean": mean, "sd": sd, "se": error, "median": middle}
 
     def parameter_values(self, family: str, parameter: str) -> dict[str, float | str]:
         """Label -> value of a parameter, for the filters of that name in the order of the value."""

@@ -72,9 +72,10 @@ def _steps(figure: Curve | Panels, material: Material, reading: str) -> Iterator
         for label in material.pick_filters(figure):
             counts = material.counts.get((reading, case, label), (None, None, None))
             for role, metric in roles:
+                statistic = "mean" if role == "band" and figure.statistic == "first" else figure.statistic
                 for row in material.series.get((reading, case, label, metric), ()):
-                    y = number(row[figure.statistic])
-                    low, high = _interval(y, row["se"]) if figure.statistic == "mean" else (None, None)
+                    y = number(row[statistic])
+                    low, high = _interval(y, row["se"]) if statistic == "mean" else (None, None)
                     yield Point(role, reading, case, label, metric, row["k"], y, low, high, None, *counts)
 
 

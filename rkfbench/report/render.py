@@ -88,13 +88,16 @@ class Outcome:
             entries = self._kept(path, tables.read_entries) if tables.needs_runs(table) else None
             entries = entries or tables.entries(table, self.material)
             printed = self.material.printed.get(table.paper) if table.paper else None
+            if printed and not table.title:
+                table = table.model_copy(update={"title": printed.title})
             if entries:
                 yield table, entries, tables.layouts(table, entries, printed.decimals if printed else None)
 
     def pictures(self) -> Iterator[Picture]:
         """Every declared figure under each of its readings for which there are numbers."""
         names = self.material.names
-        looks = style.looks(distinct([*self.material.filters, *names.values()]), names)
+        labels = distinct([*self.material.filters, *names.values(), *(key[2] for key in self.material.summary)])
+        looks = style.looks(labels, names)
         for figure in self.scenario.figures:
             for reading in self.material.cells:
                 if figure.readings is not None and reading not in figure.readings:

@@ -84,7 +84,8 @@ def entries(table: Table, material: Material) -> list[Entry]:
         for row, column, (label, case, metric, statistic) in places:
             ours = material.summary.get((reading, case, label, metric))
             theirs = numbers.get((label, case, metric, statistic))
-            if ours is None and theirs is None:
+            timed_elsewhere = is_time(metric) and reading not in material.timed
+            if ours is None and (theirs is None or timed_elsewhere):
                 continue
             value: float | None = None
             se = median = runs = failed = lost = None

@@ -77,7 +77,7 @@ def claim_views(
                 identity,
                 claim.says if claim else "",
                 claim.locator if claim else "",
-                text(mine[0]["evidence"]),
+                "ours" if paper and claim in own else text(mine[0]["evidence"]),
                 claim is not None and claim.id in headline,
                 claim is not None and claim.extra,
                 {reading: _verdict(cells) for reading, cells in shown.items()},
@@ -96,19 +96,19 @@ def tally(claims: Sequence[ClaimView], reading: str) -> list[tuple[str, int]]:
 
 
 def sentence(claims: Sequence[ClaimView], reading: str) -> str:
-    """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced`."""
-    counted = tally(claims, reading)
-    total = sum(number for _, number in counted)
-    if not total:
-        return "No claim was decided."
-    counts = dict(counted)
-    others = [f"{number} {verdict}" for verdict, number in counted if verdict != "reproduced"]
-    words = ", ".join([f"{counts.get('reproduced', 0)} of {total} claims reproduced", *others])
+    """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced.`"""
+    counted = dict(tally(claims, reading))
     apart = [claim for claim in _counted(claims, reading) if claim.evidence not in IN_TEXT]
+    parts = []
+    if counted:
+        others = [f"{number} {verdict}" for verdict, number in counted.items() if verdict != "reproduced"]
+        first = f"{counted.get('reproduced', 0)} of {sum(counted.values())} claims reproduced"
+        parts.append(", ".join([first, *others]))
     if apart:
         good = sum(claim.verdicts[reading] == "reproduced" for claim in apart)
-        words += f"; of {len(apart)} reconstructed or our own, {good} reproduced"
-    return f"{words}."
+        parts.append(f"of {len(apart)} reconstructed or our own, {good} reproduced")
+    words = "; ".join(parts) or "no claim was decided"
+    return f"{words[0].upper()}{words[1:]}."
 
 
 def mark(verdict: str) -> str:

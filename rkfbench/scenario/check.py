@@ -26,10 +26,10 @@ class Checker:
     def __init__(self) -> None:
         self._listed: dict[int, tuple[Seq, Seq, list[Any]]] = {}
 
-    def __call__(self, spec: Map) -> tuple[Map, dict[str, Any] | None, list[SpecError]]:
+    def __call__(self, spec: Map, whole: bool = True) -> tuple[Map, dict[str, Any] | None, list[SpecError]]:
         """The cell with its filters one by one, the same as plain data with every default, and what is wrong with it.
 
-        There is no plain data where something is wrong.
+        There is no plain data where something is wrong. Without `whole` only the shape is checked.
         """
         faults: list[SpecError] = []
         if isinstance(spec.get("filters"), Seq):
@@ -42,7 +42,8 @@ class Checker:
             _look_into_parts(spec, faults)
             return spec, None, faults
         data: dict[str, Any] = plain(shape.model_dump()) | completed_kinds(spec) | {"filters": filters}
-        attempt(faults, lambda: Made.of(data))
+        if whole:
+            attempt(faults, lambda: Made.of(data))
         return spec, None if faults else data, faults
 
     def _filters(self, written: Seq) -> tuple[Seq, list[Any]]:

@@ -96,9 +96,12 @@ class Plot(Selection):
 
 
 class Steps(Plot):
-    """What `curve` and `panels` share: a metric against the step k, mean or median over the runs."""
+    """What `curve` and `panels` share: a metric against the step k, over the runs or of the first run alone."""
 
-    statistic: Literal["mean", "median"] = Field(default="mean", description="over the runs, at each step")
+    statistic: Literal["mean", "median", "first"] = Field(
+        default="mean",
+        description="over the runs, at each step; first: the path of the first run, with the band over all",
+    )
     beside: Name | None = Field(default=None, description="a second metric, drawn dashed in the same colour")
     band: Name | None = Field(
         default=None, description="a metric b whose band from -b to b is shaded behind the curves"
@@ -192,32 +195,38 @@ class Table(Selection):
         return [self.statistic] if isinstance(self.statistic, str) else list(self.statistic)
 
 
+NameKind = Literal["metric", "filter", "case", "reading", "claim", "printed", "over"]
+
+
 class NameUse(NamedTuple):
     """A name that must exist in the scenario, or in its paper file for `claim` and `printed`, and where it stands."""
 
-    kind: Literal["metric", "filter", "case", "reading", "claim", "printed", "over"]
+    kind: NameKind
     name: str
     path: Path
 
 
+NAMING: tuple[tuple[NameKind, str], ...] = (
+    ("metric", "metric"),
+    ("metric", "beside"),
+    ("metric", "band"),
+    ("filter", "filters"),
+    ("case", "cases"),
+    ("reading", "readings"),
+    ("claim", "claims"),
+    ("printed", "paper"),
+    ("over", "over"),
+)  # kind of name and the field that holds it
+
+
 def names_used(item: Figure | Table) -> Iterator[NameUse]:
     """Every name that a table or figure uses, for the check that the scenario has it."""
-    for kind, key in (
-        ("metric", "metric"),
-        ("metric", "beside"),
-        ("metric", "band"),
-        ("filter", "filters"),
-        ("case", "cases"),
-        ("reading", "readings"),
-        ("claim", "claims"),
-        ("printed", "paper"),
-        ("over", "over"),
-    ):
+    for kind, key in NAMING:
         value = getattr(item, key, None)
         if isinstance(value, str):
-            yield NameUse(kind, value, (key,))  # type: ignore[arg-type]
+            yield NameUse(kind, value, (key,))
         elif value:
-            yield from (NameUse(kind, name, (key, i)) for i, name in enumerate(value))  # type: ignore[arg-type]
+            yield from (NameUse(kind, name, (key, i)) for i, name in enumerate(value))
 
 
 def case_matches(name: str, label: str) -> bool:

@@ -72,9 +72,10 @@ def _entry(written: Any, at: Mark) -> Map:
         raise SpecError("a filter is a name or a mapping such as {use: hkf, threshold: 2}")
     if "label" in written:
         return written
-    if not isinstance(written.get("use"), str):
+    name = written.get("use") or next((key for key in written if key in FILTERS), None)
+    if not isinstance(name, str):
         raise SpecError("needs a label, because it has no name of its own")
-    return graft(written, "label", written["use"], at)
+    return graft(written, "label", name, at)
 
 
 def _each_value(entry: Map, at: Mark) -> Iterator[Map]:

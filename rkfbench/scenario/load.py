@@ -157,8 +157,12 @@ def _cells(document: Map, problems: list[Problem]) -> Iterator[Cell]:
     checked = Checker()
     base, _, wrong = checked(document.only(SECTIONS))
     problems += located(base, wrong)
+    switches: set[str] = set()
     for draft in drafts(document, SECTIONS, faults):
-        listed, spec, wrong = checked(draft.spec)
+        # A switch is tried at its first point only: the other points have been tried without it.
+        listed, spec, wrong = checked(draft.spec, whole=draft.switch not in switches)
+        if draft.switch is not None:
+            switches.add(draft.switch)
         problems += located(listed, wrong)
         if spec is not None:
             yield Cell(draft.reading, draft.case, dict(draft.point), draft.switch, draft.extra, spec)

@@ -78,19 +78,20 @@ def _graft_entry(node: Seq, name: str, rest: list[str], value: Any, at: Mark) ->
     called = [index for index, each in enumerate(names) if each == name]
     if not called:
         raise SpecError(f"leads nowhere: there is no entry '{name}'{did_you_mean(name, filter(None, names))}")
-    # An entry that lists values stands for filters with labels of their own, such as hkf[threshold=2].
+    # An entry that lists values stands for filters with labels of their own, such as hkf[threshold=2]; several such
+    # entries of one name are one family, and all of them are meant.
     single = [index for index in called if not isinstance(node[index], Map) or not _lists(node[index])]
-    if len(single or called) > 1:
+    if len(single) > 1:
         raise SpecError(f"is ambiguous: several entries are called '{name}'; give them labels")
-    (index,) = single or called
     new = node.copy()
-    if rest:
-        entry = node[index]  # a filter may be given by its bare name
-        new[index] = _graft(marked({"use": entry}, at) if isinstance(entry, str) else entry, rest, value, at)
-    elif value is None:
-        del new[index], new.values_at[index]
-    else:
-        new[index], new.values_at[index] = value, at
+    for index in sorted(single or called, reverse=True):
+        if rest:
+            entry = node[index]  # a filter may be given by its bare name
+            new[index] = _graft(marked({"use": entry}, at) if isinstance(entry, str) else entry, rest, value, at)
+        elif value is None:
+            del new[index], new.values_at[index]
+        else:
+            new[index], new.values_at[index] = value, at
     return new
 
 

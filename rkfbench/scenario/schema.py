@@ -157,6 +157,7 @@ class Experiment(Strict):
     assumed: Assumed
     lost: Lost | None = None
     point: PointOfTime | None = Field(default=None, description="what point smoothers estimate")
+    score: Text | None = Field(default=None, description="what the metric `score` means here; default: `rmse`")
     filters: list[Any] = Field(min_length=1, description="names, or {use: name, parameters, label, extra, assumed}")
     metrics: list[Text] = Field(
         min_length=1, description="such as `rmse`, `rmse[px]`, `mse[px]@900`, or `err_norm@k` for the curve over k"

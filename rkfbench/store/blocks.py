@@ -8,7 +8,7 @@ The key of a part is plain data; a part is reused when its key equals the wanted
 keys). Whatever does not read back exactly, by truncation or by a flipped bit, is `Damaged`.
 
 A curve is kept by its moments, which merge over blocks, so files and memory stay small whatever the number of runs;
-its median cannot be merged and is kept as that of the block.
+its median cannot be merged and is kept as that of the block. Beside them stands the path of one run, the first, as papers like to show it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from rkfbench.store import files
 
-FORMAT = 1
+FORMAT = 2
 Array = NDArray[Any]
 Key = Mapping[str, Any]
 
@@ -43,6 +43,7 @@ class Curve(NamedTuple):
     mean: Array
     m2: Array
     median: Array  # failed runs count as +inf
+    first: Array  # the path of the first run; NaN where it failed
 
     @classmethod
     def of(cls, k: Array, paths: Array, failed: Array) -> Curve:
@@ -54,19 +55,20 @@ class Curve(NamedTuple):
             m2 = ((good - mean[:, None]) ** 2).sum(1)
         else:
             mean, m2 = np.full(len(k), np.nan), np.zeros(len(k))
-        return cls(np.asarray(k, float), count, mean, m2, np.median(np.where(failed, np.inf, paths), axis=1))
+        median = np.median(np.where(failed, np.inf, paths), axis=1)
+        return cls(np.asarray(k, float), count, mean, m2, median, paths[:, 0])
 
     def merge(self, other: Curve) -> Curve:
-        """The moments over both sets of runs; the median stays that of the first."""
+        """The moments over both sets of runs; median and path stay those of the first."""
         if not other.n.any():
             return self
         if not self.n.any():
-            return other._replace(median=self.median)
+            return other._replace(median=self.median, first=self.first)
         count = self.n + other.n
         delta = other.mean - self.mean
         mean = self.mean + delta * (other.n / count)
         m2 = self.m2 + other.m2 + delta**2 * (self.n * other.n / count)
-        return Curve(self.k, count, mean, m2, self.median)
+        return Curve(self.k, count, mean, m2, self.median, self.first)
 
 
 @dataclass(frozen=True)

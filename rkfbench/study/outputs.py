@@ -56,7 +56,7 @@ def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> Non
     statistics = ("runs", "failed", "lost", *STATISTICS)
     files.write_records(folder / "summary.csv", ["reading", "case", *sweep, "filter", "metric", *statistics], summary)
     files.write_records(
-        folder / "series.csv", ["reading", "case", "filter", "metric", "k", "mean", "se", "median"], series
+        folder / "series.csv", ["reading", "case", "filter", "metric", "k", "mean", "se", "median", "first"], series
     )
     names = list(dict.fromkeys(row["metric"] for row in summary))
     files.write_csv(folder / "runs.csv", [*KEYS, *names], _runs(finished, names))

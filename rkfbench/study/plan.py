@@ -69,9 +69,10 @@ def cells(scenario: Scenario, full: bool) -> list[Cell]:
 
 
 def labels(cell: Cell, full: bool) -> tuple[str, ...]:
-    """The filters of a cell to run, by label, in the order of the scenario."""
+    """The filters of a cell to run, by label, in the order of the scenario; a switch is shown without the extra ones."""
+    extra = full and cell.switch is None
     return tuple(
-        each["label"] for each in cell.spec["filters"] if (full or not each.get("extra")) and not each.get("timing")
+        each["label"] for each in cell.spec["filters"] if (extra or not each.get("extra")) and not each.get("timing")
     )
 
 
@@ -92,7 +93,10 @@ def units(scenario: Scenario, folder: Path, full: bool) -> Iterator[Unit]:
 def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
     """For each filter of a cell the key of its numbers, but for the runs."""
     shared = {key: value for key, value in spec.items() if key not in ("filters", "metrics")}
-    filters = {each["label"]: digest({k: v for k, v in each.items() if k not in ("extra", "timing")}) for each in spec["filters"]}
+    filters = {
+        each["label"]: digest({k: v for k, v in each.items() if k not in ("extra", "timing")})
+        for each in spec["filters"]
+    }
     partners = sorted({label for name in spec["metrics"] for label in metrics.get(name).quantity.partners})
     common = {
         "code": code_hash(),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -21,6 +21,7 @@ from rkfbench.store import blocks, files, manifest
 from rkfbench.store.lock import locked
 from rkfbench.study import plan
 from rkfbench.study.engines import Engine, serial
+from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report
 from rkfbench.study.jobs import Done, Job
 from rkfbench.study.plan import Stored, Unit
 
@@ -29,59 +30,6 @@ if TYPE_CHECKING:
 
 # What is made from the tables of a study, and so is out of date when they change.
 DERIVED = ("claims.csv", "claims.md", "tables", "figures", "report.md", "report.html")
-
-
-@dataclass(frozen=True)
-class Planned:
-    """The work is known: so many cases and blocks, and in how many blocks something has to be computed."""
-
-    cases: int
-    blocks: int
-    missing: int
-
-
-@dataclass(frozen=True)
-class Recomputing:
-    """Numbers that were there cannot be used again, and why."""
-
-    case: str
-    reason: str
-
-
-@dataclass(frozen=True)
-class BlockDone:
-    """A block is on the disk."""
-
-    case: str
-    block: int
-    runs: int
-
-
-@dataclass(frozen=True)
-class CaseDone:
-    """All blocks of a case for which something had to be computed are on the disk."""
-
-    case: str
-    runs: int
-    filters: int
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A filter raised in a block; the other filters and blocks were completed."""
-
-    case: str
-    filter: str
-    block: int
-    message: str
-    traceback: str
-
-    def __str__(self) -> str:
-        return f"case {self.case}, filter {self.filter}, block {self.block}: {self.message}"
-
-
-Event = Planned | Recomputing | BlockDone | CaseDone | Failure
-Report = Callable[[Event], None]
 
 
 @dataclass(frozen=True)
@@ -133,8 +81,9 @@ def update(
     stored = [plan.look_up(unit) for unit in units]
     wanted = [(unit, was) for unit, was in zip(units, stored, strict=True) if was.missing]
     report(Planned(len({id(unit.cell) for unit in units}), len(units), len(wanted)))
-    for case, reason in dict.fromkeys((plan.name(unit.cell), was.reason) for unit, was in wanted if was.reason):
-        report(Recomputing(case, reason))
+    for reason in dict.fromkeys(was.reason for _, was in wanted if was.reason):
+        cases = dict.fromkeys(plan.name(unit.cell) for unit, was in wanted if was.reason == reason)
+        report(Recomputing(tuple(cases), reason))
 
     failures = tuple(_compute(wanted, scenario, engine, report))
     seconds = time.perf_counter() - begin

@@ -29,23 +29,23 @@ def summarise(values: Array, failed: Array, root: bool = False) -> Row:
         mean = float(good.mean()) if len(good) else None
         sd = float(good.std(ddof=1)) if len(good) > 1 else None
     ordered = np.sort(np.where(failed, np.inf, values))
-    quantiles = {name: _quantile(ordered, q) for name, q in QUANTILES.items()}
+    quantiles = {name: _quantile(ordered, q) if len(ordered) else None for name, q in QUANTILES.items()}
     if root:
         sd = _delta(mean, sd)
         mean = _root(mean)
-        quantiles = {name: math.sqrt(value) for name, value in quantiles.items()}
+        quantiles = {name: _root(value) for name, value in quantiles.items()}
     se = None if sd is None else sd / math.sqrt(len(good))
     return {"mean": mean, "se": se, "sd": sd, **quantiles}
 
 
 def along(curve: Curve, root: bool = False) -> Iterable[Row]:
-    """k, mean, se and median of a curve, step after step."""
-    for k, count, mean, m2, median in zip(*(each.tolist() for each in curve), strict=True):
+    """k, mean, se, median and the path of the first run of a curve, step after step."""
+    for k, count, mean, m2, median, first in zip(*(each.tolist() for each in curve), strict=True):
         centre: float | None = mean if count else None
         se = math.sqrt(m2 / (count - 1) / count) if count > 1 else None
         if root:
-            se, centre, median = _delta(centre, se), _root(centre), math.sqrt(median)
-        yield {"k": int(k), "mean": centre, "se": se, "median": median}
+            se, centre, median, first = _delta(centre, se), _root(centre), math.sqrt(median), math.sqrt(first)
+        yield {"k": int(k), "mean": centre, "se": se, "median": median, "first": first}
 
 
 def _quantile(ordered: Array, q: float) -> float:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 from rkfbench.store.manifest import TUNING
 from rkfbench.study.engines import Engine
-from rkfbench.study.run import Outcome, Report, run_study
+from rkfbench.study.events import Report
+from rkfbench.study.run import Outcome, run_study
 
 if TYPE_CHECKING:
     from rkfbench.scenario import Cell, Scenario

@@ -41,12 +41,13 @@ def test_numbers_without_chance_are_shown_without_an_error() -> None:
     assert line.estimate == "1.000·10⁻¹²"
 
 
-def test_the_least_favourable_cell_decides_and_among_equals_the_one_nearest_to_flipping() -> None:
+def test_a_claim_that_holds_is_shown_by_its_weakest_cell_one_that_fails_by_its_clearest() -> None:
     safe, near = claim_row(flip_percent=90.0), claim_row(flip_percent=2.0)
-    open_, wrong = claim_row(verdict="inconclusive"), claim_row(verdict="not reproduced")
+    open_ = claim_row(verdict="inconclusive", flip_percent=None)
+    slightly, clearly = (claim_row(verdict="not reproduced", flip_percent=percent) for percent in (1.0, 40.0))
     assert forest.deciding([safe, near]) is near
     assert forest.deciding([safe, open_]) is open_
-    assert forest.deciding([wrong, open_, near]) is wrong
+    assert forest.deciding([slightly, clearly, open_, near]) is clearly
 
 
 def test_lines_hold_what_decides_in_the_order_asked_for() -> None:

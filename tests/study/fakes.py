@@ -102,7 +102,9 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Compute:
     def metric(name: str) -> Any:
         statistic = "root_mean" if name.startswith("pooled") else "mean"
         quantity = SimpleNamespace(partners=("kf",) if name == "beside_kf" else ())
-        return SimpleNamespace(statistic=statistic, ks=lambda steps: np.arange(1, steps + 1), quantity=quantity)
+        return SimpleNamespace(
+            statistic=statistic, ks=lambda steps: np.arange(1, steps + 1), quantity=quantity, tracking=False
+        )
 
     compute = Compute()
     for name, content in {"compute": {"compute": compute}, "blocks": {"block_size": lambda steps: BLOCK}}.items():

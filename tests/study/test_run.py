@@ -18,7 +18,8 @@ from rkfbench.errors import UsageError
 from rkfbench.store import Results, files
 from rkfbench.study import jobs, plan
 from rkfbench.study.engines import serial
-from rkfbench.study.run import BlockDone, CaseDone, Failure, Planned, Recomputing, run_study
+from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing
+from rkfbench.study.run import run_study
 from tests.study import fakes
 
 

@@ -12,7 +12,7 @@ from rkfbench.linalg import Array
 from rkfbench.metrics.influence import influence, window, xi_of
 
 DT = 0.5
-F = np.kron([[1, DT], [0, 1]], np.eye(2))  # (78)
+F: Array = np.kron(np.array([[1.0, DT], [0.0, 1.0]]), np.eye(2))  # (78)
 H = np.eye(4)[:3]  # (79)
 Q = np.eye(4)
 
@@ -73,7 +73,7 @@ def _problem(k: int, seed: int, scale: float = 6.0) -> tuple[Array, Array, Array
     from 1.
     """
     rng = np.random.default_rng(seed)
-    back = np.linalg.inv(F)
+    back: Array = np.linalg.inv(F)
     A = np.array([H @ np.linalg.matrix_power(back, d) for d in range(k)])
     B, power, Sigma = np.zeros((4, 4)), np.eye(4), []
     for _ in range(k):

@@ -1,0 +1,59 @@
+"""What a study tells while it runs, to whoever listens: a terminal, a log, a test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The work is known: so many cases and blocks, and in how many blocks something has to be computed."""
+
+    cases: int
+    blocks: int
+    missing: int
+
+
+@dataclass(frozen=True)
+class Recomputing:
+    """Numbers of some cases that were there cannot be used again, and why."""
+
+    cases: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True)
+class BlockDone:
+    """A block is on the disk."""
+
+    case: str
+    block: int
+    runs: int
+
+
+@dataclass(frozen=True)
+class CaseDone:
+    """All blocks of a case for which something had to be computed are on the disk."""
+
+    case: str
+    runs: int
+    filters: int
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A filter raised in a block; the other filters and blocks were completed."""
+
+    case: str
+    filter: str
+    block: int
+    message: str
+    traceback: str
+
+    def __str__(self) -> str:
+        return f"case {self.case}, filter {self.filter}, block {self.block}: {self.message}"
+
+
+Event = Planned | Recomputing | BlockDone | CaseDone | Failure
+Report = Callable[[Event], None]

@@ -1,0 +1,30 @@
+"""Computing times: what is timed, in which order, and how it is scaled. No clock value decides a test."""
+
+from __future__ import annotations
+
+from rkfbench.study import timing
+from tests.contract import SPECS
+
+SPEC = {**SPECS["navigation"], "filters": [{"label": label, "use": label} for label in ("kf", "hkf", "clairvoyant_kf")]}
+
+
+def test_filters_are_interleaved_and_measured_in_both_forms(monkeypatch):
+    monkeypatch.setattr(timing, "REPEATS", 3)
+    times = list(timing.measure("case", SPEC, 1, ["kf", "hkf"]))
+    assert [(t.repeat, t.metric, t.filter) for t in times] == [
+        (repeat, metric, label) for repeat in range(3) for metric in ("time_ms", "time_ns") for label in ("kf", "hkf")
+    ]
+    assert all(t.value > 0 and t.case == "case" for t in times)
+
+
+def test_a_time_is_scaled_to_the_steps_of_a_run_and_to_one_run_and_step(monkeypatch):
+    monkeypatch.setattr(timing, "REPEATS", 1)
+    monkeypatch.setattr(timing, "_seconds", lambda experiment, world, label, runs, steps: 0.001 * steps)
+    found = {t.metric: t.value for t in timing.measure("case", {**SPEC, "steps": 400}, 1, ["kf"])}
+    assert found["time_ms"] == 400.0  # 1 ms a step, 400 steps
+    assert abs(found["time_ns"] - 1e6 / 128) < 1e-6
+
+
+def test_a_reference_that_needs_the_record_is_timed_too(monkeypatch):
+    monkeypatch.setattr(timing, "REPEATS", 1)
+    assert len(list(timing.measure("case", SPEC, 1, ["clairvoyant_kf"]))) == 2
