@@ -327,6 +327,9 @@ def _checked(text: str, model: Model, spec: Mapping[str, Any]) -> Metric:
         raise SpecError("`@j` and `@lag` are about a point, and there is no `point` here")
     if point is not None and isinstance(metric.point, int) and metric.point > point["lag"]:
         raise SpecError(f"the lag goes from 0 to {point['lag']}")
+    own: Callable[[Model], None] | None = getattr(metric.quantity, "check", None)
+    if own is not None:
+        own(model)
     if not len(metric.ks(steps)):
         raise SpecError(f"'{text}' has no step within 1..{steps}")
     return metric

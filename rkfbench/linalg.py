@@ -123,6 +123,8 @@ def solve_lower(L: Array, B: Array) -> Array:
 
 def solve(S: Array, B: Array) -> Array:
     """S^-1 B by elimination without pivoting, for positive definite (or well scaled) S (m, m, M) and B (m, ..., M)."""
+    if len(S) == 1:
+        return B / S[0, 0]
     width = np.broadcast_shapes(B.shape[-1:], S.shape[2:])
     S, X = S.copy(), np.array(np.broadcast_to(B, B.shape[:-1] + width))
     for k in range(len(S)):

@@ -18,7 +18,9 @@ CATALOGUES = {
     "weights": ("rkfbench.filters", "WEIGHTS"),
     "schemes": ("rkfbench.filters", "SCHEMES"),
     "models": ("rkfbench.models", "MODELS"),
+    "truths": ("rkfbench.models.truths", "TRUTHS"),
     "noises": ("rkfbench.noise", "LAWS"),
+    "disturbances": ("rkfbench.noise.disturbances", "DISTURBANCES"),
     "metrics": ("rkfbench.metrics", "METRICS"),
 }
 

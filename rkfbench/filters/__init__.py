@@ -13,7 +13,19 @@ from typing import Any
 from rkfbench.catalogue import Entry
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
-from rkfbench.filters import adaptive, correntropy, flow, fpmcs, joseph, linear, nonlinear, nrukf, schemes, sigma
+from rkfbench.filters import (
+    adaptive,
+    correntropy,
+    flow,
+    fpmcs,
+    joseph,
+    linear,
+    nonlinear,
+    nrukf,
+    references,
+    schemes,
+    sigma,
+)
 from rkfbench.filters.base import Estimate, Filter, Known, Setting
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear, Taylor
@@ -22,7 +34,14 @@ from rkfbench.filters.weights import Huber, LeastAbsolute, Plain
 
 __all__ = ["FILTERS", "MOMENTS", "SCHEMES", "WEIGHTS", "Estimate", "Filter", "GaussianFilter", "Known", "Setting", "build", "placed"]
 
-FILTERS: dict[str, Entry] = {**linear.FILTERS, **adaptive.FILTERS, **nonlinear.FILTERS, **fpmcs.FILTERS, **nrukf.FILTERS}
+FILTERS: dict[str, Entry] = {
+    **linear.FILTERS,
+    **nonlinear.FILTERS,
+    **fpmcs.FILTERS,
+    **nrukf.FILTERS,
+    **adaptive.FILTERS,
+    **references.FILTERS,
+}
 MOMENTS: dict[str, Entry] = {"linear": Entry(Linear), "taylor": Entry(Taylor), **sigma.MOMENTS}
 WEIGHTS: dict[str, Entry] = {
     "none": Entry(Plain),

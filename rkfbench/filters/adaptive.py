@@ -1,14 +1,17 @@
-"""Filters with adaptive factors: alpha_i scales the weight of measurement i, beta the weight of the prediction. Reconstructed from the DAF paper.
+"""Filters with adaptive factors: alpha_i scales the weight of measurement i, beta the weight of the prediction.
+Reconstructed from the DAF paper.
 
-    minimise   V' alpha R^-1 V + beta V_X' (P-)^-1 V_X     V = H x - y,  V_X = x - x-                                  (3)-(5)
-    solution   x+ = x- + Kbar nu,  Kbar = (P-/beta) H' (H (P-/beta) H' + alpha^-1 R)^-1                                  (7)
+    minimise   V' alpha R^-1 V + beta V_X' (P-)^-1 V_X     V = H x - y,  V_X = x - x-             (3)-(5)
+    solution   x+ = x- + Kbar nu,  Kbar = (P-/beta) H' (H (P-/beta) H' + alpha^-1 R)^-1      (7)
                P+ = (beta (P-)^-1 + H' alpha R^-1 H)^-1
 
-The sensors all measure the same quantity h'x with independent noise. Then, with p_i = alpha_i/R_i, w = sum p_i and c = (P-/beta) h,
+The sensors all measure the same quantity h'x with independent noise. Then, with p_i = alpha_i/R_i, w = sum p_i and
+c = (P-/beta) h,
 
     x+ = x- + c (sum p_i nu_i)/(1 + h'c w),      P+ = P-/beta - c c' w/(1 + h'c w),
 
-and the two filters differ in how they find the factors. All formulas of the paper are lost; what follows rests on its wording and on Yang's filters.
+and the filters differ in how they find the factors. All formulas of the paper are lost; what follows rests on its
+wording and on Yang's filters.
 """
 
 from __future__ import annotations
@@ -27,7 +30,6 @@ from rkfbench.filters.base import Estimate, Known, Posterior
 from rkfbench.filters.factors import FactorForm, Floor, LambdaAlpha, LambdaBeta, factor, log_factor
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear
-from rkfbench.filters.references import Rejecting
 from rkfbench.linalg import Array, batched, mul, outer, sandwich
 from rkfbench.models import Model
 from rkfbench.streams import Streams
@@ -36,7 +38,9 @@ PASSES = 20  # of the robust position of RAF, at most
 
 
 class Sensors(NamedTuple):
-    """What an epoch brings: innovations nu (m, M), noise variances R (m, M or 1), and the variance p = h' P- h of the predicted quantity (M or 1,)."""
+    """What an epoch brings: innovations nu (m, M), noise variances R (m, M or 1), and the variance p = h' P- h of the
+    predicted quantity (M or 1,).
+    """
 
     nu: Array
     R: Array
@@ -44,7 +48,9 @@ class Sensors(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """alpha (m, M); beta (1, M), or (n, M) with a factor for each state; and the standardised residuals behind them, by name."""
+    """alpha (m, M); beta (1, M), or (n, M) with a factor for each state; and the standardised residuals behind them, by
+    name.
+    """
 
     alpha: Array
     beta: Array
@@ -70,14 +76,14 @@ class AdaptiveFactorFilter(ABC):
         """SpecError unless the model is linear and all sensors measure the same quantity."""
         Linear().check(model)
         H = model.H(np.zeros((len(model.states), 1)), 1)
-        if (H != H[:1]).any():
+        if np.ptp(H, axis=0).any():
             raise SpecError("adaptive-factor filters serve models whose sensors all measure the same quantity")
 
     def predict(self, model: Model, x: Array, P: Array, k: int, Q: Array) -> tuple[Array, Array]:
         """x- = F x, P- = F P F' + Q."""
         return model.f(x, k), sandwich(model.F(x, k), P) + Q
 
-    def correct(self, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def correct(self, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *_: Array) -> Posterior:
         """The factors of this epoch, then the weighted solution."""
         h = model.H(x, k)[0]
         nu = y - model.h(x, k)
@@ -85,7 +91,7 @@ class AdaptiveFactorFilter(ABC):
         sensors = self.sensors(Sensors(nu, np.einsum("iim->im", R), p))
         alpha, beta, seen = self.factors(sensors, h, P)
         x, P = weighted_solution(x, P, h, sensors, alpha, beta)
-        return Posterior(x, P, {"nu": nu, "S": p + R, "alpha": alpha, "beta": beta, **seen})
+        return Posterior(x, P, {"nu": nu, "S": p + R, "alpha": np.broadcast_to(alpha, y.shape), "beta": beta, **seen})
 
     def sensors(self, sensors: Sensors) -> Sensors:
         """The sensors as the filter takes them: each on its own."""
@@ -111,7 +117,9 @@ class AdaptiveFactorFilter(ABC):
         return recursion.run(self, model, y, x0, P0, Q, R, keep)
 
     def _measurement_factors(self, sensors: Sensors) -> tuple[Array, Array]:
-        """alpha and u of (8): residuals V_i = -(nu_i - c sum nu_j/R_j) of the standard solution, over sd_i = sqrt(R_i - c)."""
+        """alpha and u of (8): residuals V_i = -(nu_i - c sum nu_j/R_j) of the standard solution, over sd_i = sqrt(R_i -
+        c).
+        """
         nu, R, p = sensors
         c = p / (1 + p * (1 / R).sum(0))
         u = np.abs(nu - c * (nu / R).sum(0)) / np.sqrt(R - c)
@@ -139,7 +147,8 @@ def simplified_residual(sensors: Sensors, weights: Array) -> Array:
 
 @dataclass(frozen=True)
 class DualFactorFilter(AdaptiveFactorFilter):
-    """Dual adaptive factors (DAF): alpha from the residuals of the standard solution, beta from the state residual V_X = Kbar nu over its sd.
+    """Dual adaptive factors (DAF): alpha from the residuals of the standard solution, beta from the state residual V_X
+    = Kbar nu over its sd.
 
     All components of V_X give the same u = |sum p_i nu_i|/w / sqrt(h' P- h + sum p_i^2 R_i/w^2), so there is one beta.
     """
@@ -174,7 +183,9 @@ class DualFactorFilter(AdaptiveFactorFilter):
 
 @dataclass(frozen=True)
 class SimplifiedDualFactorFilter(AdaptiveFactorFilter):
-    """Dual factors with the simplified state residual (SDF): alpha as in DAF, beta from r = weighted mean of the innovations over sqrt(h' P- h)."""
+    """Dual factors with the simplified state residual (SDF): alpha as in DAF, beta from r = weighted mean of the
+    innovations over sqrt(h' P- h).
+    """
 
     mean: Annotated[Literal["nominal", "robust"], "weights of that mean: 1/R_i, or alpha_i/R_i"] = "nominal"
     states: Annotated[Literal["both", "measured"], "whether beta weakens all states, or the measured one only"] = "both"
@@ -190,10 +201,12 @@ class SimplifiedDualFactorFilter(AdaptiveFactorFilter):
 
 @dataclass(frozen=True)
 class RobustAdaptiveFilter(AdaptiveFactorFilter):
-    """Robust adaptive filter (RAF): a robust position X from the sensors alone, then beta from X - h'x-, then the weighted solution.
+    """Robust adaptive filter (RAF): a robust position X from the sensors alone, then beta from X - h'x-, then the
+    weighted solution.
 
-    Weights q_i = f(|y_i - X|/sqrt(R_i); lambda_alpha)/R_i, X = sum q_i y_i/sum q_i, repeated until they stay; alpha_i = f_i.
-    beta = f(|X - h'x-|/s; lambda_beta), s^2 = h' P- h + sum q_i^2 R_i/(sum q_i)^2, or the trace of P- (which adds m^2 and m^2/s^2).
+    Weights q_i = f(|y_i - X|/sqrt(R_i); lambda_alpha)/R_i, X = sum q_i y_i/sum q_i, repeated until they stay; alpha_i =
+    f_i. beta = f(|X - h'x-|/s; lambda_beta), s^2 = h' P- h + sum q_i^2 R_i/(sum q_i)^2, or the trace of P- (which adds
+    m^2 and m^2/s^2).
     """
 
     norm: Annotated[Literal["consistent", "trace"], "what standardises the prediction residual"] = "consistent"
@@ -217,7 +230,8 @@ class RobustAdaptiveFilter(AdaptiveFactorFilter):
         log_f, sd = np.zeros_like(nu), np.sqrt(R)
         active, here, old = np.arange(nu.shape[1]), nu, log_f
         for _ in range(PASSES):
-            X = (_shares(old, R) * here).sum(0)
+            q = np.exp(old - old.max(0)) / R
+            X = (q * here).sum(0) / q.sum(0)
             new = log_factor((here - X) / sd, self.lambda_alpha, self.factor)
             changed = (new != old).any(0)
             log_f[:, active] = new
@@ -238,11 +252,6 @@ def skf() -> GaussianFilter:
     return GaussianFilter(moments=Linear())
 
 
-def kf_clair() -> Rejecting:
-    """Kalman filter that is told the epochs with an outlier and drops the component there; a reference, never ranked."""
-    return Rejecting()
-
-
 _OFF = Limit({"lambda_alpha": 1e9, "lambda_beta": 1e9}, "skf")
 
 FILTERS: dict[str, Entry] = {
@@ -250,5 +259,4 @@ FILTERS: dict[str, Entry] = {
     "sdf": Entry(SimplifiedDualFactorFilter, paper="daf", equations="(3)-(10), reconstructed", limits=(_OFF,)),
     "raf": Entry(RobustAdaptiveFilter, paper="daf", equations="scheme 3, reconstructed", limits=(_OFF,)),
     "daf": Entry(DualFactorFilter, paper="daf", equations="(3)-(10), reconstructed", limits=(_OFF,)),
-    "kf_clair": Entry(kf_clair, needs=frozenset({"flags"})),
 }

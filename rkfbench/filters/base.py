@@ -1,6 +1,7 @@
 """What a filter is given and what it returns.
 
-`Filter.run` takes a model, measurements and what the filter is told (start, P0, Q, R) and returns an `Estimate`. It knows neither truth nor experiment;
+`Filter.run` takes a model, measurements and what the filter is told (start, P0, Q, R) and returns an `Estimate`. It
+knows neither truth nor experiment;
 only references (a clairvoyant filter) read `Known`, and their catalogue entry declares that they need it.
 """
 
@@ -21,9 +22,13 @@ from rkfbench.streams import Streams
 
 @dataclass(frozen=True)
 class Estimate:
-    """Posterior means (T, n, M), their covariances (T, n, n, M or 1) if kept, which runs failed (M,), and the kept extras by name, time first.
+    """Posterior means (T, n, M), their covariances (T, n, n, M or 1) if kept, which runs failed (M,), and the kept
+    extras by name, time first.
 
-    `target` is the step j whose state all the means estimate (a smoother of one point, its first axis being the lag); None: mean[k-1] estimates x_k.
+    `target` is the step j whose state all the means estimate (a smoother of one point, its first axis being the lag);
+    None: mean[k-1] estimates x_k.
+    `passed` is the estimate of the smoother's own filter, with its prior means, where the smoother was asked to keep
+    it.
     """
 
     mean: Array
@@ -31,6 +36,7 @@ class Estimate:
     failed: NDArray[np.bool_]
     extras: Mapping[str, Array] = field(default_factory=dict)
     target: int | None = None
+    passed: Estimate | None = None
     derived: dict[str, Array] = field(default_factory=dict, repr=False)  # what metrics made of it and look at again
 
 
@@ -51,7 +57,8 @@ class Known:
 class Setting:
     """What an experiment tells a filter that has a method `placed`, to fill in what its own description leaves out.
 
-    The laws of the noise are those of the truth without disturbances; `point` is the step j and the lag that point smoothers take.
+    The laws of the noise are those of the truth without disturbances; `point` is the step j and the lag that point
+    smoothers take.
     """
 
     steps: int
@@ -76,10 +83,13 @@ class Filter(Protocol):
         known: Known | None = None,
         streams: Streams | None = None,
     ) -> Estimate:
-        """Estimate from y (T, m, M) or (T, m), starting before the first step from mean x0 (n,) or (n, M) and covariance P0 (n, n).
+        """Estimate from y (T, m, M) or (T, m), starting before the first step from mean x0 (n,) or (n, M) and
+        covariance P0 (n, n).
 
-        Q (n, n) and R (m, m) are the covariances that the filter is told, or (T, n, n, M or 1) and (T, m, m, M or 1). NaN in y is a missing component.
-        `keep` names the histories to return: cov, prior_mean, prior_cov, and what the filter sees in a step (nu, S, ...).
+        Q (n, n) and R (m, m) are the covariances that the filter is told, or (T, n, n, M or 1) and (T, m, m, M or 1).
+        NaN in y is a missing component.
+        `keep` names the histories to return: cov, prior_mean, prior_cov, and what the filter sees in a step (nu, S,
+        ...).
         """
         ...
 

@@ -1,4 +1,6 @@
-"""Two marks to measure nonlinear filters by: the estimate 0, and Bayes' rule on a grid for range and bearing. Both are told what every filter is told."""
+"""Two marks to measure nonlinear filters by: the estimate 0, and Bayes' rule on a grid for range and bearing. Both are
+told what every filter is told.
+"""
 
 from __future__ import annotations
 
@@ -49,10 +51,11 @@ class Zero:
 
 @dataclass(frozen=True)
 class BayesGrid:
-    """Posterior of a fixed point from ranges and bearings, with the range known to its mean rbar, on a grid of directions u.
+    """Posterior of a fixed point from ranges and bearings, with the range known to its mean rbar, on a grid of
+    directions u.
 
-    log w(u) = -(rbar u - x0)' P0^-1 (rbar u - x0)/2 - sum_i wrap(bearing_i - angle of u)^2/(2 R_22); the estimate is rbar E[u]. What is left of the range's
-    spread, R_11/k, is neglected: millimetres in the PEKF paper.
+    log w(u) = -(rbar u - x0)' P0^-1 (rbar u - x0)/2 - sum_i wrap(bearing_i - angle of u)^2/(2 R_22); the estimate is
+    rbar E[u]. What is left of the range's spread, R_11/k, is neglected: millimetres in the PEKF paper.
     """
 
     points: int
@@ -77,7 +80,9 @@ class BayesGrid:
         known: Known | None = None,
         streams: Streams | None = None,
     ) -> Estimate:
-        """The posterior means, and covariances across the range; R must not change with time. The first range must not be missing."""
+        """The posterior means, and covariances across the range; R must not change with time. The first range must not
+        be missing.
+        """
         self.check(model)
         y, x, P0, Q, R = prepare(model, y, x0, P0, Q, R)
         _only_cov(keep, "bayes")

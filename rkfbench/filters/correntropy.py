@@ -1,7 +1,9 @@
 """The maximum correntropy weight: each component of the innovation counts by a Gaussian kernel of its size.
 
-Eqs (2), (6) and (16) of the FP-MCS paper: C = diag(c), c_i = exp(-nu_i^2 / (2 sigma^2 R_ii)), and the gain P H' C (R + S C)^-1. Computed once a step, from the
-prior innovation. Nothing is divided by c, which underflows to exactly 0 beyond 38.6 sigma sqrt(R_ii): that measurement component is then ignored.
+Eqs (2), (6) and (16) of the FP-MCS paper: C = diag(c), c_i = exp(-nu_i^2 / (2 sigma^2 R_ii)), and the gain P H' C (R +
+S C)^-1. Computed once a step, from the
+prior innovation. Nothing is divided by c, which underflows to exactly 0 beyond 38.6 sigma sqrt(R_ii): that measurement
+component is then ignored.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from rkfbench.linalg import Array, batched
 Sigma = Annotated[float, Gt(0), "kernel width, in units of the square root of R_ii; inf: no weight at all"]
 Kernel = Annotated[
     Literal["squared", "abs", "innovation_cov"],
-    "exp(-nu^2/(2 sigma^2 R)) of (2), exp(-|nu|/(2 sigma^2 sqrt R)) as section 2.3 prints it, or squared with S + R in the place of R (ours)",
+    "exp(-nu^2/(2 sigma^2 R)) of (2), exp(-|nu|/(2 sigma^2 sqrt R)) as section 2.3 prints it, "
+    "or squared with S + R in the place of R (ours)",
 ]
 Floor = Annotated[float, Interval(ge=0, lt=1), "smallest weight (ours); 0: none"]
 

@@ -3,8 +3,8 @@
     exponential   f(u) = 1 for |u| <= lambda, else exp(-(|u| - lambda)^2)
     ratio         f(u) = 1 for |u| <= lambda, else lambda/|u|
 
-The DAF paper names the exponential form and gives no formula; both forms are from the literature. A factor never falls below its floor: without one, a
-prediction of weight zero would leave the speed unobserved.
+The DAF paper names the exponential form and gives no formula; both forms are from the literature. A factor never falls
+below its floor: without one, a prediction of weight zero would leave the speed unobserved.
 """
 
 from __future__ import annotations

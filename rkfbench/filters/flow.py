@@ -2,8 +2,9 @@
 
     dx/dlam = K nu,   dP/dlam = -K H P,   K = P H' R^-1,   lam from 0 to 1, with H and nu at the running mean
 
-`Flow` integrates it run by run with a stiff solver: a reference for few runs. `Graded` takes it in tempered sub-steps of growing length, all runs at
-once: each is implicit, so it is stable however stiff (35) is. (The paper prints K under (35) and the matrices of (34) without the transpose of H.)
+`Flow` integrates it run by run with a stiff solver: a reference for few runs. `Graded` takes it in tempered sub-steps
+of growing length, all runs at once: each is implicit, so it is stable however stiff (35) is. (The paper prints K under
+(35) and the matrices of (34) without the transpose of H.)
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from rkfbench.models import Model
 
 @dataclass(frozen=True)
 class Flow:
-    """The flow (35) by `scipy.integrate.solve_ivp`; `saturated` has H P H' + R for R in K, the limit of `progressive` as dl -> 0.
+    """The flow (35) by `scipy.integrate.solve_ivp`; `saturated` has H P H' + R for R in K, the limit of `progressive`
+    as dl -> 0.
 
     What it shows of an update beside nu and S: `evaluations`, the number of right sides.
     """
@@ -38,7 +40,9 @@ class Flow:
 
     sees: ClassVar[frozenset[str]] = frozenset({"evaluations"})
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior:
         n, M = x.shape
         after, cov = np.full_like(x, np.nan), np.full((n, n, M), np.nan)
         evaluations = np.zeros((1, M))
@@ -46,7 +50,9 @@ class Flow:
         P, R = np.broadcast_to(P, cov.shape), np.broadcast_to(batched(R), (*R.shape[:2], M))
         for i in np.flatnonzero(np.isfinite(x).all(0) & np.isfinite(P).all((0, 1)) & np.isfinite(y).all(0)):
             one = slice(i, i + 1)
-            state, evaluations[0, i] = self._integrate(moments, weight, model, x[:, one], P[..., one], y[:, one], k, R[..., one])
+            state, evaluations[0, i] = self._integrate(
+                moments, weight, model, x[:, one], P[..., one], y[:, one], k, R[..., one]
+            )
             after[:, i], cov[..., i] = state[:n], sym(state[n:].reshape(n, n))
         return Posterior(after, cov, {**first.seen, "evaluations": evaluations})
 
@@ -77,7 +83,9 @@ class Graded:
     ratio: Annotated[float, Gt(1), "growth from one sub-step to the next"] = 1.15
     cap: Annotated[float, Interval(gt=0, le=1), "longest sub-step"] = 0.03
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior:
         return portions(list(grid(self.first, self.ratio, self.cap)), moments, weight, model, x, P, y, k, R)
 
 

@@ -1,11 +1,14 @@
-"""The fixed-point maximum correntropy smoother as its paper prints it: eqs (16) and (20)-(24), in the alternate form from prior to prior.
+"""The fixed-point maximum correntropy smoother as its paper prints it: eqs (16) and (20)-(24), in the alternate form
+from prior to prior.
 
     r = y - H xm,  C = diag(c(r)),  S = H P H',  G = C (R + S C)^-1,  L = F P H' G                      (16), (22)
     at k >= j:   lam = Sig H' G;  xj <- xj + lam r;  Pi <- Pi - Sig H' lam';  Sig <- Sig (F - L H)'     (20), (22), (24)
     always:      xm <- F xm + B u + L r;  P <- F P (F - L H)' + Q                                       (20), (24)
 
-All right sides use the old values, and nothing is symmetrised. `covariance: std` takes the covariance of (6) in place of that of (16):
-Pi <- Pi - Sig H' lam' - lam H Sig' + lam (S+R) lam';  Sig <- (Sig - lam H P)(F - L H)' + lam R L';  P <- (F - L H) P (F - L H)' + L R L' + Q.
+All right sides use the old values, and nothing is symmetrised. `covariance: std` takes the covariance of (6) in place
+of that of (16):
+Pi <- Pi - Sig H' lam' - lam H Sig' + lam (S+R) lam';  Sig <- (Sig - lam H P)(F - L H)' + lam R L';  P <- (F - L H) P
+(F - L H)' + L R L' + Q.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from rkfbench.catalogue import Entry, Limit
 from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate, Known, Setting
 from rkfbench.filters.correntropy import Correntropy, Floor, Kernel, Sigma
+from rkfbench.filters.decoupled import decoupled
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.joseph import Joseph
 from rkfbench.filters.moments import Linear
@@ -31,12 +35,16 @@ from rkfbench.linalg import Array, diag, mul, positive_definite, solve, transpos
 from rkfbench.models import Model
 from rkfbench.streams import Streams
 
-Covariance = Annotated[Literal["alt", "std"], "alt: (I - K H) P, (14) and (16); std: (I - K H) P (I - K H)' + K R K', (6)"]
+Covariance = Annotated[
+    Literal["alt", "std"], "alt: (I - K H) P, (14) and (16); std: (I - K H) P (I - K H)' + K R K', (6)"
+]
 
 
 @dataclass(frozen=True)
 class CorrentropySmoother:
-    """FP-MCS: the state at step j from measurements up to j + lag, each weighted by a Gaussian kernel of its innovation."""
+    """FP-MCS: the state at step j from measurements up to j + lag, each weighted by a Gaussian kernel of its
+    innovation.
+    """
 
     sigma: Sigma = 1.0
     kernel: Kernel = "squared"
@@ -153,9 +161,12 @@ def _at(A: Array, k: int) -> Array:
     return A if A.ndim == 3 else A[min(k, len(A)) - 1]
 
 
-
-def mckf(sigma: Sigma = 1.0, kernel: Kernel = "squared", covariance: Covariance = "alt", floor: Floor = 0.0) -> GaussianFilter:
-    """Maximum correntropy Kalman filter: the KF whose gain is P H' C (R + S C)^-1, C = diag exp(-nu_i^2/(2 sigma^2 R_ii)); one pass."""
+def mckf(
+    sigma: Sigma = 1.0, kernel: Kernel = "squared", covariance: Covariance = "alt", floor: Floor = 0.0
+) -> GaussianFilter:
+    """Maximum correntropy Kalman filter: the KF whose gain is P H' C (R + S C)^-1, C = diag exp(-nu_i^2/(2 sigma^2
+    R_ii)); one pass.
+    """
     update = Once() if covariance == "alt" else Joseph()
     return GaussianFilter(moments=Linear(), weight=Correntropy(sigma, kernel, floor), update=update)
 
@@ -173,4 +184,5 @@ FILTERS: dict[str, Entry] = {
     "ps": Entry(ps, paper="fpmcs-2024", needs=frozenset({"streams"})),
     "fixed_point": Entry(fixed_point, paper="fpmcs-2024", equations="(17)-(24)"),
     "rts": Entry(rts),
+    "decoupled": Entry(decoupled),
 }

@@ -13,7 +13,8 @@ from rkfbench.models import Model
 
 @dataclass(frozen=True)
 class Joseph:
-    """One update with P = (I - K H) P (I - K H)' + K R K': the gain is the robust one, the noise covariance R is the one that the filter is told.
+    """One update with P = (I - K H) P (I - K H)' + K R K': the gain is the robust one, the noise covariance R is the
+    one that the filter is told.
 
     Eq. (6) of the FP-MCS paper. Written with moments: P - K Pxz' - Pxz K' + K (Szz + R) K'.
     """

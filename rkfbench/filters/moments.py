@@ -1,15 +1,16 @@
 """Moments: how a mean and a covariance pass through f and h.
 
-Each rule answers two questions: `propagate` gives the mean and covariance of f(x), without Q; `measure` gives the mean z of h(x), its covariance Szz without R, and Pxz = cov(x, h(x)).
+Each rule answers two questions: `propagate` gives the mean and covariance of f(x), without Q; `measure` gives the mean
+z of h(x), its covariance Szz without R, and Pxz = cov(x, h(x)).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal, NamedTuple, Protocol
+from typing import Annotated, Literal, NamedTuple, Protocol
 
 from rkfbench.errors import SpecError
-from rkfbench.linalg import Array, mul, sandwich, transpose
+from rkfbench.linalg import Array, mul, sandwich, sym, transpose
 from rkfbench.models import Model
 
 
@@ -30,7 +31,9 @@ class Moments(Protocol):
         ...
 
     def propagate(self, model: Model, x: Array, P: Array, k: int) -> tuple[Array, ...]:
-        """Mean (n, M) and covariance (n, n, M) of f(x) for x of mean x and covariance P; behind them points to hand over to `at`, if any."""
+        """Mean (n, M) and covariance (n, n, M) of f(x) for x of mean x and covariance P; behind them points to hand
+        over to `at`, if any.
+        """
         ...
 
     def at(self, x: Array, *points: Array) -> Moments:
@@ -46,17 +49,13 @@ class Moments(Protocol):
         ...
 
 
-LineariseAt = Annotated[Literal["posterior", "predicted"], "where F is taken: at the last posterior mean, or at the predicted one"]
+LineariseAt = Annotated[
+    Literal["posterior", "predicted"], "where F is taken: at the last posterior mean, or at the predicted one"
+]
 
 
-@dataclass(frozen=True)
-class Taylor:
-    """First-order Taylor moments: f(x) and F P F'; z = h(x), Szz = H P H', Pxz = P H' with the Jacobians at the mean.
-
-    `linearise_at: predicted` takes F at f(x), where eq. (39) of the PEKF paper prints it, though (39) precedes the prediction that it would need.
-    """
-
-    linearise_at: LineariseAt = "posterior"
+class Jacobians:
+    """The moments of h by its Jacobian: z = h(x), Szz = H P H', Pxz = P H'."""
 
     def check(self, model: Model) -> None:
         """Every model of the catalogue has Jacobians; a model of another kind must bring F and H."""
@@ -67,23 +66,35 @@ class Taylor:
         return self
 
     def propagate(self, model: Model, x: Array, P: Array, k: int) -> tuple[Array, ...]:
-        reached = model.f(x, k)
-        return reached, sandwich(model.F(x if self.linearise_at == "posterior" else reached, k), P)
+        return model.f(x, k), sandwich(model.F(x, k), P)
 
     def measure(self, model: Model, x: Array, P: Array, k: int) -> Measured:
         H, z = model.H(x, k), model.h(x, k)
-        HP = mul(H, P)
-        return Measured(z, sandwich(H, P), transpose(HP), z)
+        PH = transpose(mul(H, P))
+        return Measured(z, sym(mul(H, PH)), PH, z)
 
     def slope(self, model: Model, x: Array, P: Array, k: int) -> Array:
         return model.H(x, k)
 
 
 @dataclass(frozen=True)
-class Linear(Taylor):
-    """Exact moments of a linear model: F x, F P F'; H x, H P H', P H'."""
+class Taylor(Jacobians):
+    """First-order Taylor moments: f(x) and F P F'; z = h(x), Szz = H P H', Pxz = P H' with the Jacobians at the mean.
 
-    linearise_at: ClassVar[str] = "posterior"  # it makes no difference
+    `linearise_at: predicted` takes F at f(x), where eq. (39) of the PEKF paper prints it, though (39) precedes the
+    prediction that it would need.
+    """
+
+    linearise_at: LineariseAt = "posterior"
+
+    def propagate(self, model: Model, x: Array, P: Array, k: int) -> tuple[Array, ...]:
+        reached = model.f(x, k)
+        return reached, sandwich(model.F(x if self.linearise_at == "posterior" else reached, k), P)
+
+
+@dataclass(frozen=True)
+class Linear(Jacobians):
+    """Exact moments of a linear model: F x, F P F'; H x, H P H', P H'."""
 
     def check(self, model: Model) -> None:
         """SpecError unless the model is linear."""

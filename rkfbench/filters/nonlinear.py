@@ -15,7 +15,9 @@ from rkfbench.filters.sigma import Cubature, DividedDifference, Redraw, Unscente
 
 
 def ekf(linearise_at: LineariseAt = "posterior") -> GaussianFilter:
-    """Extended Kalman filter: x- = f(x), P- = F P F' + Q; S = H P- H' + R, K = P- H' S^-1, x = x- + K (y - h(x-)), P = P- - K S K'."""
+    """Extended Kalman filter: x- = f(x), P- = F P F' + Q; S = H P- H' + R, K = P- H' S^-1, x = x- + K (y - h(x-)), P =
+    P- - K S K'.
+    """
     return GaussianFilter(moments=Taylor(linearise_at))
 
 
@@ -34,9 +36,7 @@ def ckf(redraw: Redraw = True) -> GaussianFilter:
     return GaussianFilter(moments=Cubature(redraw))
 
 
-def ddf(
-    h2: Annotated[float, Gt(1), "square of the interval length"] = 3.0, redraw: Redraw = True
-) -> GaussianFilter:
+def ddf(h2: Annotated[float, Gt(1), "square of the interval length"] = 3.0, redraw: Redraw = True) -> GaussianFilter:
     """Divided-difference filter of second order (DD2)."""
     return GaussianFilter(moments=DividedDifference(redraw, h2))
 
@@ -49,7 +49,9 @@ def iekf(
 
 
 def pekf(dl: Step = 0.1, linearise_at: LineariseAt = "posterior") -> GaussianFilter:
-    """Progressive extended Kalman filter, as printed: 1/dl sub-steps x + dl K nu, P - dl K H P with K = P H' (H P H' + R)^-1."""
+    """Progressive extended Kalman filter, as printed: 1/dl sub-steps x + dl K nu, P - dl K H P with K = P H' (H P H' +
+    R)^-1.
+    """
     return GaussianFilter(moments=Taylor(linearise_at), update=Progressive(dl))
 
 

@@ -1,8 +1,10 @@
-"""The filters of the NRUKF paper by name: Huber regression on linear, linearised and statistically linearised models, and the NRUKF in its two forms."""
+"""The filters of the NRUKF paper by name: Huber regression on linear, linearised and statistically linearised models,
+and the NRUKF in its two forms.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -11,6 +13,7 @@ from rkfbench.filters import recursion
 from rkfbench.filters.base import Estimate, Known, Posterior
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear, Taylor
+from rkfbench.filters.quantised import quantised
 from rkfbench.filters.regression import LinearisationCov, Passes, Regression, Root, StateRows, Threshold
 from rkfbench.filters.residual_weights import PseudoObservation, ResidualHuber, Reweighted
 from rkfbench.filters.sigma import DividedDifference, Unscented
@@ -49,8 +52,12 @@ def hukf(
     linearisation_cov: LinearisationCov = False,
     kappa: Kappa = "3-n",
 ) -> GaussianFilter:
-    """Huber unscented Kalman filter: the regression with the statistical slope H = Pxz' (P-)^-1 of unscented moments."""
-    return GaussianFilter(Unscented(kappa=kappa), update=Regression(threshold, state_rows, root, passes, linearisation_cov))
+    """Huber unscented Kalman filter: the regression with the statistical slope H = Pxz' (P-)^-1 of unscented
+    moments.
+    """
+    return GaussianFilter(
+        Unscented(kappa=kappa), update=Regression(threshold, state_rows, root, passes, linearisation_cov)
+    )
 
 
 def hukf0(
@@ -68,17 +75,25 @@ def hddf(
     linearisation_cov: LinearisationCov = False,
     h2: Interval2 = 3.0,
 ) -> GaussianFilter:
-    """Huber divided-difference filter: the regression with the statistical slope of second-order divided differences."""
-    return GaussianFilter(DividedDifference(h2=h2), update=Regression(threshold, state_rows, root, passes, linearisation_cov))
+    """Huber divided-difference filter: the regression with the statistical slope of second-order divided
+    differences.
+    """
+    return GaussianFilter(
+        DividedDifference(h2=h2), update=Regression(threshold, state_rows, root, passes, linearisation_cov)
+    )
 
 
 def nrukf_r(threshold: Threshold = 1.345, kappa: Kappa = "3-n") -> GaussianFilter:
-    """Novel robust unscented Kalman filter, R form: R inflated by Huber's weight of (y - h(x-))/sqrt(R), then the plain unscented update."""
+    """Novel robust unscented Kalman filter, R form: R inflated by Huber's weight of (y - h(x-))/sqrt(R), then the plain
+    unscented update.
+    """
     return GaussianFilter(Unscented(kappa=kappa), ResidualHuber(threshold))
 
 
 def nrukf_y(threshold: Threshold = 1.345, kappa: Kappa = "3-n") -> GaussianFilter:
-    """Novel robust unscented Kalman filter, Y form: the measurement truncated to h(x-) +- gamma sqrt(R), then the plain unscented update."""
+    """Novel robust unscented Kalman filter, Y form: the measurement truncated to h(x-) +- gamma sqrt(R), then the plain
+    unscented update.
+    """
     return GaussianFilter(Unscented(kappa=kappa), PseudoObservation(threshold))
 
 
@@ -88,13 +103,17 @@ def nrukf_r_it(threshold: Threshold = 1.345, passes: Passes = 10, kappa: Kappa =
 
 
 def nrukf_y_it(threshold: Threshold = 1.345, passes: Passes = 30, kappa: Kappa = "3-n") -> GaussianFilter:
-    """NRUKF in Y form, repeated with the residual at the newest posterior mean; it converges more slowly than the R form."""
+    """NRUKF in Y form, repeated with the residual at the newest posterior mean; it converges more slowly than the R
+    form.
+    """
     return GaussianFilter(Unscented(kappa=kappa), PseudoObservation(threshold), Reweighted(passes))
 
 
 @dataclass(frozen=True)
 class Swap:
-    """The posterior mean of one unscented filter with the posterior covariance of another, both from one prior: which of the two makes the difference?"""
+    """The posterior mean of one unscented filter with the posterior covariance of another, both from one prior: which
+    of the two makes the difference?
+    """
 
     mean: Annotated[Member, "filter whose mean is taken"] = "nrukf_r"
     cov: Annotated[Member, "filter whose covariance is taken"] = "ukf"
@@ -112,8 +131,9 @@ class Swap:
     def _member(self, name: Member) -> GaussianFilter:
         if name == "ukf":
             return GaussianFilter(Unscented())
-        make = {"nrukf_r": nrukf_r, "nrukf_y": nrukf_y, "nrukf_r_it": nrukf_r_it}[name]
-        return make(self.threshold)
+        make: dict[str, Callable[..., GaussianFilter]]
+        make = {"nrukf_r": nrukf_r, "nrukf_y": nrukf_y, "nrukf_r_it": nrukf_r_it}
+        return make[name](threshold=self.threshold)
 
     def predict(self, model: Model, x: Array, P: Array, k: int, Q: Array) -> tuple[Array, ...]:
         """The common prediction."""
@@ -153,12 +173,18 @@ FILTERS: dict[str, Entry] = {
     "hekf": Entry(hekf, paper="nrukf-2012", equations="(8)-(16)", limits=(Limit(_OFF, {"moments": "taylor"}),)),
     "hukf": Entry(hukf, paper="nrukf-2012", equations="(8)-(16)", limits=(Limit(_OFF, _UKF, "linear"),)),
     "hukf0": Entry(hukf0, paper="nrukf-2012", equations="(23)-(24)", limits=(Limit(_OFF, _UKF, "linear"),)),
-    "hddf": Entry(hddf, paper="nrukf-2012", equations="(8)-(16)", limits=(Limit(_OFF, {"moments": "divided_difference"}, "linear"),)),
+    "hddf": Entry(
+        hddf,
+        paper="nrukf-2012",
+        equations="(8)-(16)",
+        limits=(Limit(_OFF, {"moments": "divided_difference"}, "linear"),),
+    ),
     "nrukf_r": Entry(nrukf_r, paper="nrukf-2012", equations="(25)-(36)", limits=(Limit(_OFF, _UKF),)),
     "nrukf_y": Entry(nrukf_y, paper="nrukf-2012", equations="(25)-(33), (37)-(39)", limits=(Limit(_OFF, _UKF),)),
     "nrukf_r_it": Entry(nrukf_r_it, limits=(Limit(_OFF, _UKF),)),
     "nrukf_y_it": Entry(nrukf_y_it, limits=(Limit(_OFF, _UKF),)),
     "swap": Entry(Swap),
+    "quantised": Entry(quantised),
 }
 WEIGHTS: dict[str, Entry] = {
     "residual_huber": Entry(ResidualHuber, paper="nrukf-2012", equations="(34)-(36)"),

@@ -1,8 +1,12 @@
-"""Bootstrap particle filter, and the smoother of one point that carries a copy of x_j along with each particle. All details are ours.
+"""Bootstrap particle filter, and the smoother of one point that carries a copy of x_j along with each particle. All
+details are ours.
 
-Particles (n, M, N) move with the model and the law of the process noise; log weights add the log likelihood; where the effective sample size 1/sum W^2 falls
-below a share of N, systematic resampling. A group of 128 runs goes through alone, with streams of its own, so memory grows neither with the steps nor with the runs,
-and no number depends on how many runs there are. A run whose weights all vanish has failed; its neighbours are not touched.
+Particles (n, M, N) move with the model and the law of the process noise; log weights add the log likelihood; where the
+effective sample size 1/sum W^2 falls
+below a share of N, systematic resampling. A group of 128 runs goes through alone, with streams of its own, so memory
+grows neither with the steps nor with the runs,
+and no number depends on how many runs there are. A run whose weights all vanish has failed; its neighbours are not
+touched.
 
 Pitfall: a resampled copy of x_j can only die out. The number of distinct copies is part of the result (`distinct`).
 """
@@ -29,8 +33,12 @@ from rkfbench.streams import GROUP, Onward, Streams
 TOGETHER = 32  # runs that go through together: their particles stay in the cache
 
 Particles = Annotated[int, Ge(2), "number of particles"]
-Likelihood = Annotated[Literal["law", "gauss"], "density of the measurement noise: the true law without shots, or N(0, R)"]
-Ess = Annotated[float, Interval(ge=0, le=1), "resample where the effective sample size is below this share of the particles"]
+Likelihood = Annotated[
+    Literal["law", "gauss"], "density of the measurement noise: the true law without shots, or N(0, R)"
+]
+Ess = Annotated[
+    float, Interval(ge=0, le=1), "resample where the effective sample size is below this share of the particles"
+]
 
 
 @dataclass(frozen=True)
@@ -50,7 +58,9 @@ class ParticleFilter:
 
     def placed(self, setting: Setting) -> ParticleFilter:
         """The filter with the laws of an experiment."""
-        told = replace(self, process=self.process or setting.process, measurement=self.measurement or setting.measurement)
+        told = replace(
+            self, process=self.process or setting.process, measurement=self.measurement or setting.measurement
+        )
         if self.likelihood == "law":
             check_density(told.measurement)
         return told
@@ -104,12 +114,17 @@ class ParticleFilter:
             mean = x0[:, runs]
             scope, group = f"{streams.scope}{start % GROUP}/", streams.first + start // GROUP
             draw = Onward(streams.seed, group, 1, scope, mean.shape[1] * self.particles)
-            yield _Cloud(model, process, measurement, draw, mean, factor(P0[..., 0]), self.particles, self.ess), y[..., runs]
+            yield (
+                _Cloud(model, process, measurement, draw, mean, factor(P0[..., 0]), self.particles, self.ess),
+                y[..., runs],
+            )
 
 
 @dataclass(frozen=True)
 class ParticleSmoother:
-    """Augmented-state particle smoother: the particles' own x_j, weighted by all measurements up to j + t, t = 0 .. lag."""
+    """Augmented-state particle smoother: the particles' own x_j, weighted by all measurements up to j + t, t = 0 ..
+    lag.
+    """
 
     filter: ParticleFilter
     at: int | None = None
@@ -124,6 +139,10 @@ class ParticleSmoother:
     def target(self) -> int | None:
         """The step j."""
         return self.at
+
+    def passes(self, steps: int) -> ParticleFilter | None:
+        """The filter whose estimates come along (`passed` of the estimate), if the smoother runs through all steps."""
+        return self.filter if self.at is not None and self.lag is not None and self.at + self.lag == steps else None
 
     def placed(self, setting: Setting) -> ParticleSmoother:
         """The smoother at the point of an experiment, with its laws."""
@@ -148,14 +167,18 @@ class ParticleSmoother:
         covs = bool({"cov", "prior_cov", "post_cov"} & {*keep})
         estimates = []
         for cloud, yg in self.filter.clouds(model, y, x0, P0, Q, R, streams):
-            history, own = History({*keep} & {"cov", "distinct"}), {}
+            history, own, passed = History({*keep} & {"cov", "distinct"}), {}, History({"prior_mean"})
             with np.errstate(all="ignore"):
                 for k, yk in enumerate(yg[: at + lag], 1):
                     cloud.predict(k)
                     if k == at:
                         own = cloud.moments({"prior_mean"} | ({"prior_cov"} if covs else set()), "prior_")
                         cloud.remember()
+                    if "passed" in keep:
+                        passed.add(**cloud.moments({"prior_mean"}, "prior_"))
                     cloud.weigh(yk, k)
+                    if "passed" in keep:
+                        passed.add(**cloud.moments({"mean"}))
                     if k >= at:
                         seen = cloud.moments({"mean"} | ({"cov"} if covs else set()), of=cloud.copy)
                         own = own | {f"post_{name}": value for name, value in seen.items()} if k == at else own
@@ -163,7 +186,8 @@ class ParticleSmoother:
                     cloud.resample()
             estimate = history.estimate(failed=cloud.dead, width=yg.shape[2])
             extras = {name: value[None] for name, value in own.items()}
-            estimates.append(replace(estimate, target=at, extras={**estimate.extras, **extras}))
+            on_the_way = passed.estimate(cloud.dead, yg.shape[2]) if "passed" in keep else None
+            estimates.append(replace(estimate, target=at, extras={**estimate.extras, **extras}, passed=on_the_way))
         return _joined(estimates)
 
 
@@ -171,7 +195,15 @@ class _Cloud:
     """The particles of one group of runs: x (n, M, N) with log weights (M, N), and the copies of x_j from step j on."""
 
     def __init__(
-        self, model: Model, process: Law, measurement: Law, draw: Onward, mean: Array, L0: Array, particles: int, ess: float
+        self,
+        model: Model,
+        process: Law,
+        measurement: Law,
+        draw: Onward,
+        mean: Array,
+        L0: Array,
+        particles: int,
+        ess: float,
     ) -> None:
         self.model, self.process, self.measurement, self.draw = model, process, measurement, draw
         n, M = mean.shape
@@ -186,7 +218,7 @@ class _Cloud:
 
     def predict(self, k: int) -> None:
         """Move every particle with noise of its own."""
-        w = self.process.sample(self.draw.within("process"), 1).value  # type: ignore[arg-type]
+        w = self.process.sample(self.draw.within("process"), 1).value
         self.x = self.model.f(self.x, k)
         self.x += w.reshape(self.x.shape)
 
@@ -220,14 +252,18 @@ class _Cloud:
         return total
 
     def moments(self, names: Collection[str], prefix: str = "", of: Array | None = None) -> dict[str, Array]:
-        """Weighted mean (n, M) and covariance (n, n, M) of the particles, or of their copies of x_j; those that are named."""
+        """Weighted mean (n, M) and covariance (n, n, M) of the particles, or of their copies of x_j; those that are
+        named.
+        """
         x = self.x if of is None else of
         found = {}
         if {f"{prefix}mean", f"{prefix}cov"} & {*names}:
             found[f"{prefix}mean"] = mean = np.einsum("imp,mp->im", x, self.weights)
             if f"{prefix}cov" in names:
                 d = x - mean[..., None]
-                found[f"{prefix}cov"] = np.matmul((d * self.weights).transpose(1, 0, 2), d.transpose(1, 2, 0)).transpose(1, 2, 0)
+                found[f"{prefix}cov"] = np.matmul(
+                    (d * self.weights).transpose(1, 0, 2), d.transpose(1, 2, 0)
+                ).transpose(1, 2, 0)
         return found
 
     @property
@@ -238,7 +274,9 @@ class _Cloud:
         return 1.0 + np.count_nonzero(np.diff(self.copy[0], axis=-1), axis=-1)
 
     def resample(self) -> None:
-        """Systematic resampling of the runs whose effective sample size is small: ceil(N cumsum(W) - u) particles up to each one."""
+        """Systematic resampling of the runs whose effective sample size is small: ceil(N cumsum(W) - u) particles up
+        to each one.
+        """
         u = self.offset.uniform("offset")
         runs = np.flatnonzero((self.size < self.threshold) & ~self.dead)
         if not len(runs):
@@ -256,11 +294,15 @@ class _Cloud:
 
 
 def pf(particles: Particles = 500, likelihood: Likelihood = "law", ess: Ess = 0.5) -> ParticleFilter:
-    """Bootstrap particle filter: x_i <- f(x_i) + w_i, weights by the likelihood of y, systematic resampling; the weighted mean."""
+    """Bootstrap particle filter: x_i <- f(x_i) + w_i, weights by the likelihood of y, systematic resampling; the
+    weighted mean.
+    """
     return ParticleFilter(particles, likelihood, ess)
 
 
-def ps(particles: Particles = 500, likelihood: Likelihood = "law", ess: Ess = 0.5, at: At = None, lag: Lag = None) -> ParticleSmoother:
+def ps(
+    particles: Particles = 500, likelihood: Likelihood = "law", ess: Ess = 0.5, at: At = None, lag: Lag = None
+) -> ParticleSmoother:
     """Augmented-state particle smoother: the weighted mean of the copies of x_j that the particles carry along."""
     return ParticleSmoother(pf(particles, likelihood, ess), at, lag)
 
@@ -275,13 +317,18 @@ def check_density(law: Law | None) -> None:
     except np.linalg.LinAlgError:
         density = np.array([np.nan])
     if not np.isfinite(density).all():
-        raise SpecError("the measurement noise has no density that could weigh particles (a variance of 0?)", ["likelihood"])
+        raise SpecError(
+            "the measurement noise has no density that could weigh particles (a variance of 0?)", ["likelihood"]
+        )
 
 
 def _joined(estimates: list[Estimate]) -> Estimate:
     """The estimates of all groups, side by side."""
     first = estimates[0]
-    cov = None if first.cov is None else np.concatenate([each.cov for each in estimates if each.cov is not None], axis=-1)
+    cov = (
+        None if first.cov is None else np.concatenate([each.cov for each in estimates if each.cov is not None], axis=-1)
+    )
     extras = {name: np.concatenate([each.extras[name] for each in estimates], axis=-1) for name in first.extras}
     mean, failed = (np.concatenate([getattr(each, name) for each in estimates], axis=-1) for name in ("mean", "failed"))
-    return Estimate(mean, cov, failed, extras, first.target)
+    passed = [each.passed for each in estimates if each.passed is not None]
+    return Estimate(mean, cov, failed, extras, first.target, _joined(passed) if passed else None)

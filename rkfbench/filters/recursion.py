@@ -1,7 +1,9 @@
 """The loop over time that all recursive filters share: predict, update, mark what died, keep what was asked for.
 
-A run whose prior covariance is not positive definite, whose state is not finite or not `plausible` to its model has failed: from that step on its values are NaN, and no other run is
-touched. A missing measurement component (NaN in y) is left out of the update; a wholly missing measurement leaves the prediction as it is.
+A run whose prior covariance is not positive definite, whose state is not finite or not `plausible` to its model has
+failed: from that step on its values are NaN, and no other run is
+touched. A missing measurement component (NaN in y) is left out of the update; a wholly missing measurement leaves the
+prediction as it is.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ from rkfbench.filters.base import Estimate, Posterior
 from rkfbench.linalg import Array, batched, positive_definite
 from rkfbench.models import Model, Observed
 
-
 SEES = frozenset({"cov", "prior_mean", "prior_cov", "nu", "S"})  # what every recursive filter can keep
 
 
@@ -24,7 +25,9 @@ class Recursive(Protocol):
     """A filter that consists of one prediction and one update a step."""
 
     def predict(self, model: Model, x: Array, P: Array, k: int, Q: Array) -> tuple[Array, ...]:
-        """Mean and covariance at k before y_k, from those after y_{k-1}; behind them arrays (..., M) to be handed to `correct`, if any."""
+        """Mean and covariance at k before y_k, from those after y_{k-1}, and arrays (..., M) to hand to `correct`, if
+        any.
+        """
         ...
 
     def correct(self, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *handed: Array) -> Posterior:
@@ -42,7 +45,9 @@ class Step(NamedTuple):
     seen: Mapping[str, Array]
 
 
-def run(filt: Recursive, model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, keep: Collection[str]) -> Estimate:
+def run(
+    filt: Recursive, model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, keep: Collection[str]
+) -> Estimate:
     """The estimates of a recursive filter; arguments and shapes as in `Filter.run`."""
     return collect(steps(filt, model, *prepare(model, y, x0, P0, Q, R)), keep)
 
@@ -58,21 +63,23 @@ def collect(steps: Iterable[Step], keep: Collection[str]) -> Estimate:
 
 def steps(filt: Recursive, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[Step]:
     """The steps k = 1..T one after the other, from arguments as `prepare` makes them."""
-    incomplete: Array = np.isnan(y).any(axis=(1, 2))
+    incomplete = np.asarray(np.isnan(y).any(axis=(1, 2)))
     plausible = getattr(model, "plausible", None)
     for k, yk in enumerate(y, 1):
         prior_x, prior_P, *handed = filt.predict(model, x, P, k, Q[k - 1] if Q.ndim == 4 else Q)
         sound = positive_definite(prior_P)
         update = _correct_observed if incomplete[k - 1] else _correct
         x, P, seen = update(filt, model, prior_x, prior_P, yk, k, R[k - 1] if R.ndim == 4 else R, *handed)
-        sound = sound & np.isfinite(x).all(0)
-        if plausible is not None:  # the model knows which estimates are not of its world: they are looked at before and after the update
+        sound = np.asarray(sound & np.isfinite(x).all(0))
+        if plausible is not None:  # the model knows what is not of its world, before and after the update
             sound = sound & plausible(prior_x, prior_P) & plausible(x, P) & positive_definite(P)
         x, P = bury(x, P, sound)
         yield Step(prior_x, prior_P, x, P, seen)
 
 
-def prepare(model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array) -> tuple[Array, Array, Array, Array, Array]:
+def prepare(
+    model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array
+) -> tuple[Array, Array, Array, Array, Array]:
     """The arguments of `run` with a run axis each; SpecError where a shape does not fit the model."""
     n, m = len(model.states), len(model.measurements)
     y = np.asarray(y, dtype=float)
@@ -87,7 +94,10 @@ def prepare(model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array) ->
     P0, Q, R = (batched(np.asarray(A, dtype=float)) for A in (P0, Q, R))
     for name, A, d in (("P0", P0, n), ("Q", Q, n), ("R", R, m)):
         if A.shape[-3:-1] != (d, d) or A.shape[-1] not in (1, M) or (A.ndim == 4 and len(A) not in (1, T)):
-            raise SpecError(f"{name} has shape {A.shape}, expected ({d}, {d}), or ({T}, {d}, {d}, {M} or 1) where it changes with time")
+            raise SpecError(
+                f"{name} has shape {A.shape}, expected ({d}, {d}), "
+                f"or ({T}, {d}, {d}, {M} or 1) where it changes with time"
+            )
     Q, R = (A[0] if A.ndim == 4 and len(A) == 1 else A for A in (Q, R))
     return y, np.array(np.broadcast_to(x, (n, M))), P0, Q, R
 
@@ -122,17 +132,23 @@ def _stack(steps: list[Array], width: int) -> Array:
 
 
 def bury(x: Array, P: Array, sound: Array) -> tuple[Array, Array]:
-    """NaN in the runs that are not sound. A covariance that all runs share stays as it is: its shape decides how it rounds."""
+    """NaN in the runs that are not sound. A covariance that all runs share stays as it is: its shape decides how it
+    rounds.
+    """
     if sound.all():
         return x, P
     return np.where(sound, x, np.nan), np.where(sound, P, np.nan) if P.shape[-1] == x.shape[-1] else P
 
 
-def _correct(filt: Recursive, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *handed: Array) -> Posterior:
+def _correct(
+    filt: Recursive, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *handed: Array
+) -> Posterior:
     return filt.correct(model, x, P, y, k, R, *handed)
 
 
-def _correct_observed(filt: Recursive, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *handed: Array) -> Posterior:
+def _correct_observed(
+    filt: Recursive, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *handed: Array
+) -> Posterior:
     """The update with the observed components only, one pattern of missing components after the other."""
     observed = ~np.isnan(y)
     patterns, which = np.unique(observed, axis=1, return_inverse=True)

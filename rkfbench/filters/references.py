@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rkfbench.catalogue import Entry
 from rkfbench.errors import SpecError
 from rkfbench.filters import recursion
 from rkfbench.filters.base import Estimate, Known
@@ -19,10 +20,13 @@ from rkfbench.streams import Streams
 
 @dataclass(frozen=True)
 class Clairvoyant:
-    """Kalman filter with the mean and covariance that each noise value really had, given its coin, label, scale and time.
+    """Kalman filter with the mean and covariance that each noise value really had, given its coin, label, scale and
+    time.
 
-    Given that record the noise is Gaussian with known moments, so this is the conditional mean: on a linear model no filter has a smaller mean
-    square error, and the error is a true lower bound. Known means of the process noise are followed apart, d_k = F d_{k-1} + E w_k.
+    Given that record the noise is Gaussian with known moments, so this is the conditional mean: on a linear model no
+    filter has a smaller mean
+    square error, and the error is a true lower bound. Known means of the process noise are followed apart, d_k = F
+    d_{k-1} + E w_k.
     """
 
     kf: GaussianFilter = field(default_factory=lambda: GaussianFilter(moments=Linear()))
@@ -60,7 +64,11 @@ class Clairvoyant:
         if known is None:
             raise SpecError("clairvoyant_kf needs the record of the noise, which recorded data does not have")
         moved = _moved(model, known.w.mean, len(y))
-        y = y - known.v.mean - (0.0 if moved is None else np.stack([mul(model.H(d, k), d) for k, d in enumerate(moved, 1)]))
+        y = (
+            y
+            - known.v.mean
+            - (0.0 if moved is None else np.stack([mul(model.H(d, k), d) for k, d in enumerate(moved, 1)]))
+        )
         steps = recursion.steps(self.kf, model, *recursion.prepare(model, y, x0, P0, known.w.cov(), known.v.cov()))
         if moved is None:
             return steps
@@ -81,7 +89,9 @@ def _moved(model: Model, mean: Array | float, T: int) -> Array | None:
 
 @dataclass(frozen=True)
 class Rejecting:
-    """Kalman filter that is told which measurement components are outliers, and drops them; what they measured is lost to it."""
+    """Kalman filter that is told which measurement components are outliers, and drops them; what they measured is lost
+    to it.
+    """
 
     kf: GaussianFilter = field(default_factory=lambda: GaussianFilter(moments=Linear()))
 
@@ -114,3 +124,40 @@ class Rejecting:
         if flags is not None:
             y = np.where(flags[:, None] if flags.ndim == 2 else flags, np.nan, y)
         return self.kf.run(model, y, x0, P0, Q=Q, R=R, keep=keep)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true states themselves, to be drawn beside estimates."""
+
+    sees = frozenset[str]()
+
+    def run(
+        self,
+        model: Model,
+        y: Array,
+        x0: Array,
+        P0: Array,
+        *,
+        Q: Array,
+        R: Array,
+        keep: Collection[str] = (),
+        known: Known | None = None,
+        streams: Streams | None = None,
+    ) -> Estimate:
+        """The truth; as of every filter, a run with an infinite measurement has failed from there on."""
+        if known is None:
+            raise SpecError("truth needs the true states, which recorded data does not have")
+        failed = np.isinf(y).any(1).cumsum(0) > 0
+        return Estimate(np.where(failed[:, None], np.nan, known.truth), None, failed[-1])
+
+
+def kf_clair() -> Rejecting:
+    """Kalman filter that is told which measurement components are outliers, and drops them."""
+    return Rejecting()
+
+
+FILTERS: dict[str, Entry] = {
+    "kf_clair": Entry(kf_clair, needs=frozenset({"flags"})),
+    "truth": Entry(Truth, needs=frozenset({"truth"})),
+}

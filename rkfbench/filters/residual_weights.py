@@ -1,10 +1,12 @@
-"""Huber's weight on the residual at a point, e = Lr^-1 (y - h(x)): what the NRUKF paper does to the measurement before a plain update.
+"""Huber's weight on the residual at a point, e = Lr^-1 (y - h(x)): what the NRUKF paper does to the measurement before
+a plain update.
 
     R form (34)-(36)    R' = Lr Psi^-1 Lr', psi(e) = min(1, gamma/|e|)
     Y form (37)-(39)    y' = h(x) + Lr clip(e, -gamma, gamma): a pseudo-observation, with the nominal R
 
-x is the prior mean, h the exact function (not the mean that the moments predict); standardised by R alone, also where S is many times R. `Reweighted` moves
-x on to the newest posterior mean and repeats, each time from the same prior and moments: the limit is the M-estimate with unit state rows where h is linear.
+x is the prior mean, h the exact function (not the mean that the moments predict); standardised by R alone, also where S
+is many times R. `Reweighted` moves x on to the newest posterior mean and repeats, each time from the same prior and
+moments: the limit is the M-estimate with unit state rows where h is linear.
 """
 
 from __future__ import annotations
@@ -40,7 +42,9 @@ class ResidualHuber:
 
 @dataclass(frozen=True)
 class PseudoObservation:
-    """Y form: the part of e = Lr^-1 (y - h(x)) beyond +-gamma is cut off the measurement; R stays, eqs (37)-(39) of the NRUKF paper."""
+    """Y form: the part of e = Lr^-1 (y - h(x)) beyond +-gamma is cut off the measurement; R stays, eqs (37)-(39) of the
+    NRUKF paper.
+    """
 
     threshold: Threshold = 1.345
 
@@ -56,7 +60,8 @@ class PseudoObservation:
 
 @dataclass(frozen=True)
 class Reweighted:
-    """The update taken again and again from the same prior and moments, the weight seeing y - h at the newest mean; the first one is plain.
+    """The update taken again and again from the same prior and moments, the weight seeing y - h at the newest mean; the
+    first one is plain.
 
     `last_change` is the largest change of a mean in the last pass, in prior standard deviations.
     """
@@ -65,7 +70,9 @@ class Reweighted:
 
     sees: ClassVar[frozenset[str]] = frozenset({"last_change"})
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior:
         z, Szz, Pxz, _ = moments.measure(model, x, P, k)
         nu, sd = model.residual(y, z), np.sqrt(np.einsum("iim->im", P))
         after = condition(x, P, Pxz, Szz + R, nu)

@@ -1,13 +1,15 @@
 """Update schemes: how often and how far a measurement update is taken.
 
-    once         one update                                          S = H P H' + R
-    progressive  1/dl sub-steps, gain times dl, plain R in S         (37)-(38) of the PEKF paper, as printed
-    tempered     1/dl sub-steps with R/dl                            takes the likelihood to the power dl in each
-    inflated     one update, S = (1 + c) H P H' + R                  the inflation of `progressive` without its sub-steps
-    iterated     Gauss-Newton on the posterior mode                  re-linearisation without either
+    once         one update                                         S = H P H' + R
+    progressive  1/dl sub-steps, gain times dl, plain R in S        (37)-(38) of the PEKF paper, as printed
+    tempered     1/dl sub-steps with R/dl                           each takes the likelihood to the power dl
+    inflated     one update, S = (1 + c) H P H' + R                 the inflation of `progressive` without sub-steps
+    iterated     Gauss-Newton on the posterior mode                 re-linearisation without either
 
-In every sub-step the moments, the residual and the robust weight are renewed at the newest mean. H P H' and P H' stand for the Szz and Pxz of the moments, after
-the weight's D. With dl = 1 the first three are `once`, to the last bit. What a scheme shows of an update (nu, S, weights) is that of its first look, at the prior.
+In every sub-step the moments, the residual and the robust weight are renewed at the newest mean. H P H' and P H' stand
+for the Szz and Pxz of the moments, after the weight's D. With dl = 1 `progressive`, `tempered` and
+`inflated` are `once`, to the last bit. What
+a scheme shows of an update (nu, S, weights) is that of its first look, at the prior.
 """
 
 from __future__ import annotations
@@ -33,11 +35,15 @@ Step = Annotated[float, Interval(gt=0, le=1), "pseudo-time of a sub-step; 1/dl i
 class Scheme(Protocol):
     """A way to take the update with y (m, M) from the prior (x, P)."""
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior: ...
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior: ...
 
 
 class Look(NamedTuple):
-    """What an update needs at a mean: Szz (m, m, M), cov(x, y) = C (n, m, M), R, the innovation and D (diagonal, None: identity) after the weight; what is seen."""
+    """What an update needs at a mean: Szz (m, m, M), cov(x, y) = C (n, m, M), R, the innovation and D (diagonal, None:
+    identity) after the weight; what is seen.
+    """
 
     Szz: Array
     C: Array
@@ -76,17 +82,21 @@ def whole_steps(dl: float) -> int:
 class Once:
     """The Kalman update: S = D Szz D + R', K = Pxz D S^-1, x + K nu', P - K S K'."""
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior:
         at = look(moments, weight, model, x, P, y, k, R)
         return Posterior(*at.update(x, P, at.seen["S"]), at.seen)
 
 
 @dataclass(frozen=True)
 class Progressive:
-    """1/dl sub-steps x + dl K nu, P - dl K H P with K = P H' S^-1 and plain R in S = H P H' + R, eqs (37)-(38) as printed.
+    """1/dl sub-steps x + dl K nu, P - dl K H P with K = P H' S^-1 and plain R in S = H P H' + R, eqs (37)-(38) as
+    printed.
 
-    One sub-step is exactly one Kalman update with R/dl + (1/dl - 1) H P H' in the place of R. So for dl < 1 this is not Bayes' rule, not even for linear h,
-    where it leaves at least the fraction (1 - dl)^(1/dl) of the prior variance, however precise the measurement is.
+    One sub-step is exactly one Kalman update with R/dl + (1/dl - 1) H P H' in the place of R. So for dl < 1 this is not
+    Bayes' rule, not even for linear h, where it leaves at least the fraction (1 - dl)^(1/dl) of the prior variance,
+    however precise the measurement is.
     """
 
     dl: Step = 0.1
@@ -94,7 +104,9 @@ class Progressive:
     def __post_init__(self) -> None:
         whole_steps(self.dl)
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior:
         seen: Mapping[str, Array] = {}
         for _ in range(steps := whole_steps(self.dl)):
             at = look(moments, weight, model, x, P, y, k, R)
@@ -112,7 +124,9 @@ class Tempered:
     def __post_init__(self) -> None:
         whole_steps(self.dl)
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior:
         steps = whole_steps(self.dl)
         return portions([1 / steps] * steps, moments, weight, model, x, P, y, k, R)
 
@@ -133,7 +147,8 @@ def portions(
 class Inflated:
     """One Kalman update with S = (1 + c) H P H' + R, c = p/(1 - p), p = (1 - dl)^(1/dl).
 
-    c is the total inflation of `progressive` for a very precise linear measurement: 0 at dl = 1, 0.535 at 0.1, 1/(e - 1) as dl -> 0.
+    c is the total inflation of `progressive` for a very precise linear measurement: 0 at dl = 1, 0.535 at 0.1, 1/(e -
+    1) as dl -> 0.
     """
 
     dl: Step = 0.1
@@ -141,7 +156,9 @@ class Inflated:
     def __post_init__(self) -> None:
         whole_steps(self.dl)
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior:
         at = look(moments, weight, model, x, P, y, k, R)
         left = (1 - self.dl) ** whole_steps(self.dl)
         return Posterior(*at.update(x, P, (1 + left / (1 - left)) * at.Szz + at.R), at.seen)
@@ -149,14 +166,17 @@ class Inflated:
 
 @dataclass(frozen=True)
 class Iterated:
-    """Plain Gauss-Newton, z <- x + K (y - h(z) - H (x - z)) with H at z and K = P H' (H P H' + R)^-1; then P - K H P with the last of them.
+    """Plain Gauss-Newton, z <- x + K (y - h(z) - H (x - z)) with H at z and K = P H' (H P H' + R)^-1; then P - K H P
+    with the last of them.
 
     Sigma-point moments are taken about z with the prior covariance, and H is the slope that they imply, H = Pxz' P^-1.
     """
 
     iterations: Annotated[int, Ge(1), "number of re-linearisations"] = 10
 
-    def __call__(self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array) -> Posterior:
+    def __call__(
+        self, moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: Array, k: int, R: Array
+    ) -> Posterior:
         seen: Mapping[str, Array] = {}
         z, after = x, P
         for _ in range(self.iterations):

@@ -1,6 +1,7 @@
 """Sigma-point moments: unscented, cubature and divided-difference rules, all of them on one star of 2n + 1 points.
 
-The star of N(x, P) with P = L L' is x and x +- h l_i, l_i the columns of L. A function g sees it as an odd part e_i and an even part c_i about g(x),
+The star of N(x, P) with P = L L' is x and x +- h l_i, l_i the columns of L. A function g sees it as an odd part e_i and
+an even part c_i about g(x),
 
     e_i = (g(x + h l_i) - g(x - h l_i))/2,     c_i = (g(x + h l_i) + g(x - h l_i))/2 - g(x),
 
@@ -10,8 +11,8 @@ The star of N(x, P) with P = L L' is x and x +- h l_i, l_i the columns of L. A f
     cubature             h^2 = n,                    a = 1,            b = -1
     divided difference   h^2 free (3),               a = 1 - 1/h^2,    b = 0
 
-which are the usual weighted sums, written so that nothing cancels: the state's own star has e = h L and c = 0, and a linear g has c = 0. Angles are
-offsets from h(x), wrapped before they are averaged.
+which are the usual weighted sums, written so that nothing cancels: the state's own star has e = h L and c = 0, and a
+linear g has c = 0. Angles are offsets from h(x), wrapped before they are averaged.
 """
 
 from __future__ import annotations
@@ -28,11 +29,13 @@ from rkfbench.filters.moments import Measured, Moments
 from rkfbench.linalg import Array, cholesky, eigh, mul, outer, solve, transpose
 from rkfbench.models import Model
 
-Redraw = Annotated[bool, "draw new points from the predicted mean and covariance at the update; false: reuse the propagated ones"]
+Redraw = Annotated[
+    bool, "draw new points from the predicted mean and covariance at the update; false: reuse the propagated ones"
+]
 
 
 class Star(NamedTuple):
-    """A function on the star: its value at the mean of the state or nearest to it, and the odd and even parts (d, n, M)."""
+    """A function on the star: its mean (d, M), and twice its odd and even parts (d, n, M)."""
 
     mean: Array
     odd: Array
@@ -81,7 +84,7 @@ class SigmaPoints:
         values = model.h(points, k)
         hx = values[:, 0]
         seen = _star(model.residual(values, values[:, :1]), rule)
-        return Measured(hx + seen.mean, _covariance(seen, seen, rule), _product(A, seen.odd) / rule.h2, hx)
+        return Measured(hx + seen.mean, _covariance(seen, seen, rule), _product(A, seen.odd) / (2 * rule.h2), hx)
 
     def measure_at(self, model: Model, x: Array, points: Array, k: int) -> Measured:
         """Moments of h(x) on points (n, 2n + 1, M) that another function has moved; x is their mean."""
@@ -91,7 +94,6 @@ class SigmaPoints:
         seen = _star(model.residual(model.h(points, k), hx[:, None]), rule)
         return Measured(hx + seen.mean, _covariance(seen, seen, rule), _covariance(state, seen, rule), hx)
 
-
     def slope(self, model: Model, x: Array, P: Array, k: int) -> Array:
         """H = Pxz' P^-1, the statistical linearisation."""
         return transpose(solve(P, self.measure(model, x, P, k).Pxz))
@@ -99,7 +101,9 @@ class SigmaPoints:
 
 @dataclass(frozen=True)
 class Unscented(SigmaPoints):
-    """Unscented moments: weights W0m = 1 - n/h^2, W0c = W0m + 1 - alpha^2 + beta and 1/(2 h^2), h^2 = alpha^2 (n + kappa)."""
+    """Unscented moments: weights W0m = 1 - n/h^2, W0c = W0m + 1 - alpha^2 + beta and 1/(2 h^2), h^2 = alpha^2 (n +
+    kappa).
+    """
 
     redraw: Redraw = True
     alpha: Annotated[float, Gt(0), "spread of the points"] = 1.0
@@ -130,7 +134,9 @@ class DividedDifference(SigmaPoints):
 
 @dataclass(frozen=True)
 class Reusing:
-    """A sigma-point rule for one update that already has points: they serve where the mean is x; elsewhere new ones are drawn."""
+    """A sigma-point rule for one update that already has points: they serve where the mean is x; elsewhere new ones are
+    drawn.
+    """
 
     rule: SigmaPoints
     x: Array
@@ -162,10 +168,12 @@ MOMENTS: dict[str, Entry] = {
 
 
 def square_root(P: Array) -> Array:
-    """Some L with L L' = P (n, n, M): the lower Cholesky factor, and where P is not positive definite a root of its positive part.
+    """Some L with L L' = P (n, n, M): the lower Cholesky factor, and where P is not positive definite a root of its
+    positive part.
 
-    Elimination without pivots needs no scaling: its error in P_ij is of the order of the rounding of sqrt(P_ii P_jj), however different the variances are.
-    The positive part is that of the correlations, D^-1 P D^-1 with D^2 = |diag P|, so it does not depend on units either.
+    Elimination without pivots needs no scaling: its error in P_ij is of the order of the rounding of sqrt(P_ii P_jj),
+    however different the variances are. The positive part is that of the correlations, D^-1 P D^-1 with D^2 = |diag P|,
+    so it does not depend on units either.
     """
     L = cholesky(P)
     if np.isnan(L[-1, -1]).any() and (bad := np.isnan(L[-1, -1]) & np.isfinite(P).all((0, 1))).any():
@@ -189,23 +197,24 @@ def _points(x: Array, A: Array) -> Array:
 def _star(values: Array, rule: Rule) -> Star:
     """The star of a function from its values (d, 2n + 1, M) at the points."""
     n = values.shape[1] // 2
-    half_plus, half_minus = 0.5 * values[:, 1 : n + 1], 0.5 * values[:, n + 1 :]
-    even = half_plus + half_minus - values[:, :1]
-    return Star(values[:, 0] + even.sum(1) / rule.h2, half_plus - half_minus, even)
+    plus, minus = values[:, 1 : n + 1], values[:, n + 1 :]
+    even = plus + minus
+    even -= 2 * values[:, :1]
+    return Star(values[:, 0] + even.sum(1) / (2 * rule.h2), plus - minus, even)
 
 
 def _covariance(one: Star, other: Star, rule: Rule) -> Array:
     """Covariance of two functions on the same star."""
     C = _product(one.odd, other.odd)
     C += rule.a * _product(one.even, other.even)
-    C /= rule.h2
+    C /= 4 * rule.h2
     if rule.b:
         C += outer(rule.b * _mean_offset(one, rule), _mean_offset(other, rule))
     return C
 
 
 def _mean_offset(star: Star, rule: Rule) -> Array:
-    return star.even.sum(1) / rule.h2
+    return star.even.sum(1) / (2 * rule.h2)
 
 
 def _product(A: Array, B: Array) -> Array:

@@ -1,12 +1,16 @@
-"""Smoothers: the state at one step from measurements up to a later one (fixed point), and all states from all measurements (RTS).
+"""Smoothers: the state at one step from measurements up to a later one (fixed point), and all states from all
+measurements (RTS).
 
-Both are made of what any recursive linear filter shows of a step: prior xm, P and posterior xp, Pp. So every robust filter of the package smooths.
+Both are made of what any recursive linear filter shows of a step: prior xm, P and posterior xp, Pp. So every robust
+filter of the package smooths.
 
     fixed point   xj = xp_j, Pi = Pp_j, Sig = Pp_j F'                                      at k = j
-                  J = Sig P^-1;  xj <- xj + J (xp - xm);  Pi <- Pi - J (P - Pp) J';  Sig <- J Pp F'     for k = j+1 .. j+lag
+                  J = Sig P^-1;  xj <- xj + J (xp - xm);  Pi <- Pi - J (P - Pp) J';  Sig <- J Pp F'     for k = j+1 ..
+                  j+lag
     RTS           J = Pp F' P_{k+1}^-1;  xs = xp + J (xs_{k+1} - xm_{k+1});  Ps = Pp + J (Ps_{k+1} - P_{k+1}) J'
 
-Sig = cov(x_j, x_k) is that of the state augmented by a frozen x_j, eqs (17)-(24) of the FP-MCS paper, whose own recursion stands in `fpmcs`.
+Sig = cov(x_j, x_k) is that of the state augmented by a frozen x_j, eqs (17)-(24) of the FP-MCS paper, whose own
+recursion stands in `fpmcs`.
 """
 
 from __future__ import annotations
@@ -30,7 +34,8 @@ At = Annotated[int | None, Ge(1), "the step j whose state is estimated; default:
 Lag = Annotated[int | None, Ge(0), "measurements after j that are used, at most; default: the scenario's point"]
 Start = Annotated[
     Literal["j", "skip", "stale"],
-    "j: y_j is used; skip: smoothing begins with y_{j+1}; stale: as skip, with the prior P_j as the covariance of x_j and x_{j+1}",
+    "j: y_j is used; skip: smoothing begins with y_{j+1}; "
+    "stale: as skip, with the prior P_j as the covariance of x_j and x_{j+1}",
 ]
 Inner = Annotated[Any, "the filter, in any form that a scenario may write"]
 
@@ -105,7 +110,7 @@ class FixedPoint:
 
 @dataclass(frozen=True)
 class RauchTungStriebel:
-    """Fixed-interval smoother (Rauch, Tung, Striebel) around a recursive filter: estimates of all x_k from y_1 .. y_T."""
+    """Fixed-interval smoother (Rauch, Tung, Striebel) around a recursive filter: all x_k from y_1 .. y_T."""
 
     filter: Any
 
@@ -154,18 +159,19 @@ class RauchTungStriebel:
 
 
 def fixed_point(filter: Inner, at: At = None, lag: Lag = None, start: Start = "j") -> Any:
-    """Fixed-point smoother: the state at step j from measurements up to j + lag, by any linear recursive filter or by particles.
+    """Fixed-point smoother: the state at step j from measurements up to j + lag, by any linear recursive filter or by
+    particles.
 
     J = Sig P^-1; xj + J (x+ - x-), Pi - J (P- - P+) J', Sig <- J P+ F', on the state augmented by a frozen x_j.
     """
-    inner = _inner(filter)
+    inner = inner_filter(filter)
     smoother = getattr(inner, "fixed_point", None)
     return smoother(at, lag, start) if smoother else FixedPoint(inner, at, lag, start)
 
 
 def rts(filter: Inner = "kf") -> RauchTungStriebel:
     """Rauch-Tung-Striebel smoother: all states from all measurements, by any linear recursive filter."""
-    return RauchTungStriebel(_inner(filter))
+    return RauchTungStriebel(inner_filter(filter))
 
 
 def placed(filt: Filter, setting: Setting) -> Filter:
@@ -177,7 +183,10 @@ def placed(filt: Filter, setting: Setting) -> Filter:
 
 def point(at: int | None, lag: int | None, setting: Setting) -> tuple[int, int]:
     """Step j and lag, from the filter's own description or the scenario's point; SpecError where they leave the run."""
-    j, t = (own if own is not None else default for own, default in zip((at, lag), setting.point or (None, None), strict=True))
+    j, t = (
+        own if own is not None else default
+        for own, default in zip((at, lag), setting.point or (None, None), strict=True)
+    )
     if j is None or t is None:
         raise SpecError(f"needs `{'at' if j is None else 'lag'}`: the scenario has no point either")
     if not 1 <= j <= setting.steps:
@@ -207,7 +216,7 @@ def check_smoothable(filt: Any, model: Model) -> None:
         raise SpecError("only recursive filters, with a prediction and an update a step, can be smoothed", ["filter"])
 
 
-def _inner(spec: Any) -> Filter:
+def inner_filter(spec: Any) -> Filter:
     from rkfbench.filters import build  # it builds this wrapper in turn
 
     try:
@@ -216,7 +225,9 @@ def _inner(spec: Any) -> Filter:
         raise error.under("filter") from None
 
 
-def _steps(filt: Any, model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, known: Known | None) -> Iterator[Step]:
+def _steps(
+    filt: Any, model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, known: Known | None
+) -> Iterator[Step]:
     """The steps of the filter: its own, or those of the common loop over time."""
     if hasattr(filt, "steps"):
         own: Iterator[Step] = filt.steps(model, y, x0, P0, Q=Q, R=R, known=known)

@@ -14,7 +14,13 @@ from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
 from rkfbench.metrics import consistency, diagnostics, point
 from rkfbench.metrics.base import Metric, Trial
-from rkfbench.metrics.conditioning import ConditionRatioTopPsi, ConditionS, ConditionTopLambda, Premise, WorseGivenPremise
+from rkfbench.metrics.conditioning import (
+    ConditionRatioTopPsi,
+    ConditionS,
+    ConditionTopLambda,
+    Premise,
+    WorseGivenPremise,
+)
 from rkfbench.metrics.errors import AbsoluteError, ErrorNorm, SquaredError, SquaredErrorWhere
 from rkfbench.metrics.influence import InfluenceNorm
 from rkfbench.metrics.objective import ArgminDistance, GradientRest
@@ -169,7 +175,10 @@ def applies(metric: Metric, filt: Any) -> bool:
     """Whether a filter has what the metric needs; of a smoother of one point only what is about that point."""
     own: Callable[[Any], bool] | None = getattr(metric.quantity, "applies", None)
     smooths = getattr(filt, "target", None) is not None
-    fits = metric.point is not None if smooths else metric.point in (None, "last")
+    if smooths:
+        fits = metric.point is not None and not (isinstance(metric.point, int) and metric.point > filt.lag)
+    else:
+        fits = metric.point in (None, "last")
     return fits and metric.quantity.keep <= getattr(filt, "sees", frozenset()) | {"cov"} and (own is None or own(filt))
 
 

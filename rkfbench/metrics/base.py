@@ -2,8 +2,10 @@
 curve.
 
 A metric is written as `name(parameter=value)[states]@steps`: `rmse`, `rmse[px]`, `mse[px]@900` (one step),
-`rmse[S]@500..560` (a window), `err_norm@k` (the curve over k). Where a scenario has a `point`, a step j with a lag: `mse@j` (for a smoother of x_j the estimate with
-all its measurements), `mse@j+5` (from measurements up to j + 5, smoothers only), `mse@lag` (the curve over the lag, smoothers only).
+`rmse[S]@500..560` (a window), `err_norm@k` (the curve over k). Where a scenario has a `point`, a step j with a lag:
+`mse@j` (for a smoother of x_j the estimate with
+all its measurements), `mse@j+5` (from measurements up to j + 5, smoothers only), `mse@lag` (the curve over the lag,
+smoothers only).
 """
 
 from __future__ import annotations
@@ -114,7 +116,9 @@ class Metric:
     curve: bool = False
     root: bool = False
     tracking: bool = False  # over the runs that are not lost
-    point: Literal["last", "lag"] | int | None = None  # about x_j of the scenario's point: last estimate, curve over the lag, or one lag
+    point: Literal["last", "lag"] | int | None = (
+        None  # about x_j of the scenario's point: last estimate, curve over the lag, or one lag
+    )
 
     @property
     def statistic(self) -> Literal["mean", "root_mean"]:
@@ -144,7 +148,7 @@ class Metric:
     def _about_point(self, values: Array, trial: Trial) -> Array:
         """What is asked of the values: those of a smoother run over the lag, those of a filter over the steps."""
         if trial.estimate.target is None:
-            j = trial.experiment.point[0]
+            j, _ = trial.experiment.point or (0, 0)
             return values[j - 1 : j]
         if self.point == "lag":
             return values

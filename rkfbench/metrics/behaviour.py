@@ -1,4 +1,6 @@
-"""How an estimate behaves over time: its jumps, how it comes back after a manoeuvre, and whether its covariance tells its error."""
+"""How an estimate behaves over time: its jumps, how it comes back after a manoeuvre, and whether its covariance tells
+its error.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,14 @@ from numpy.typing import NDArray
 from rkfbench.errors import SpecError
 from rkfbench.linalg import Array, dot, solve
 from rkfbench.metrics.base import Each, Trial
+
+
+@dataclass(frozen=True)
+class State(Each):
+    """The estimate of one state, or the sum over several."""
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        return np.asarray(trial.estimate.mean[:, states].sum(1))
 
 
 @dataclass(frozen=True)
@@ -36,7 +46,8 @@ class Fluctuation(Each):
 
 @dataclass(frozen=True)
 class Settling(Each):
-    """Steps from the end of the scripted manoeuvre until the absolute error of every state stays below a limit; infinite if it does not.
+    """Steps from the end of the scripted manoeuvre until the absolute error of every state stays below a limit;
+    infinite if it does not.
 
     One number a run, at the last step; without a script the steps are counted from the first one.
     """
@@ -56,7 +67,9 @@ class Settling(Each):
 
 @dataclass(frozen=True)
 class Nees(Each):
-    """Normalised error e' P^-1 e of the states: chi-square with as many degrees of freedom, if the filter is consistent."""
+    """Normalised error e' P^-1 e of the states: chi-square with as many degrees of freedom, if the filter is
+    consistent.
+    """
 
     keep: ClassVar[frozenset[str]] = frozenset({"cov"})
 
@@ -82,7 +95,7 @@ class StandardDeviation(Each):
 
 @dataclass(frozen=True)
 class Distance(Each):
-    """|x - x~|/sqrt(P_ii) of one state: distance from another filter's estimate, in standard deviations of this filter."""
+    """|x - x~|/sqrt(P_ii) of one state: distance from another filter's estimate, in own standard deviations."""
 
     keep: ClassVar[frozenset[str]] = frozenset({"cov"})
     to: str = ""

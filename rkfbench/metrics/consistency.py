@@ -1,7 +1,9 @@
-"""Whether a covariance tells the error, as a whole and along the line of sight; and the number by which a scenario judges a run.
+"""Whether a covariance tells the error, as a whole and along the line of sight; and the number by which a scenario
+judges a run.
 
-Radial and tangential are meant in the plane of the first two states named. Errors are taken at the truth: r^ - r along, and r times the error of the bearing
-across. Standard deviations of P are taken at the estimate, along the unit vector to it and across.
+Radial and tangential are meant in the plane of the first two states named. Errors are taken at the truth: r^ - r along,
+and r times the error of the bearing across. Standard deviations of P are taken at the estimate, along the unit vector
+to it and across.
 """
 
 from __future__ import annotations
@@ -17,7 +19,6 @@ from rkfbench.catalogue import Entry
 from rkfbench.linalg import Array, positive_definite
 from rkfbench.metrics.base import Each, Trial
 from rkfbench.metrics.errors import SquaredError
-from rkfbench.metrics.point import Trace
 from rkfbench.models import wrap
 
 Parts = dict[str, Any]
@@ -30,6 +31,18 @@ class MeanOverStates(SquaredError):
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         return super().__call__(trial, states) / len(states)
+
+
+@dataclass(frozen=True)
+class StatedSquare(Each):
+    """Trace of P over the states: the squared error that the filter states."""
+
+    keep: ClassVar[frozenset[str]] = frozenset({"cov"})
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        P = trial.estimate.cov
+        assert P is not None
+        return np.asarray(sum(P[:, i, i] for i in states))
 
 
 @dataclass(frozen=True)
@@ -64,10 +77,11 @@ class PolarVariance(Each):
 
 @dataclass(frozen=True)
 class Excess(Each):
-    """Stated minus actual square: trace of P - e e' over the states named, or its part across or along the line of sight to the truth.
+    """Stated minus actual square: trace of P - e e' over the states named, or its part across or along the line of
+    sight to the truth.
 
-    Where its mean over the runs is below 0, the mean of P minus the mean square error matrix is not positive definite, as its smallest eigenvalue is no
-    larger than this mean (per state).
+    Where its mean over the runs is below 0, the mean of P minus the mean square error matrix is not positive definite,
+    as its smallest eigenvalue is no larger than this mean (per state).
     """
 
     along: Literal["all", "radial", "tangential"] = "all"
@@ -77,7 +91,7 @@ class Excess(Each):
         P = trial.estimate.cov
         assert P is not None
         if self.along == "all":
-            return np.asarray(sum(P[:, i, i] for i in states) - SquaredError()(trial, states))
+            return np.asarray(StatedSquare()(trial, states) - SquaredError()(trial, states))
         i, j = states[:2]
         error, (x, y) = trial.estimate.mean - trial.truth(), trial.truth()[:, [i, j]].swapaxes(0, 1)
         ux, uy = (x, y) if self.along == "radial" else (-y, x)
@@ -98,7 +112,7 @@ class Indefinite(Each):
 
 @dataclass(frozen=True)
 class Crossing(Each):
-    """1 where the true bearing (of the first two states named) has crossed the cut at +-pi since the last step, else 0."""
+    """1 where the true bearing of the first two states named crossed the cut at +-pi since the last step, else 0."""
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         x, y = trial.truth()[:, states[0]], trial.truth()[:, states[1]]
@@ -120,13 +134,13 @@ class Score(Each):
 
 
 def axis_rmse() -> Parts:
-    """Root of the mean over the steps and the states named of the squared error: `rmse` over the root of their number."""
+    """Root of the mean squared error over the steps and the states named: `rmse` over the root of their number."""
     return {"quantity": MeanOverStates(), "reduce": "root"}
 
 
 def stated_rmse() -> Parts:
     """The `rmse` that the filter states for itself: root of the mean trace of P over the states named."""
-    return {"quantity": Trace(), "reduce": "root"}
+    return {"quantity": StatedSquare(), "reduce": "root"}
 
 
 def radial_rmse() -> Parts:
@@ -149,13 +163,17 @@ def tangential_sd() -> Parts:
     return {"quantity": PolarVariance("tangential"), "reduce": "root"}
 
 
-def excess(along: Annotated[Literal["all", "radial", "tangential"], "the trace, or one direction of the plane"] = "all") -> Parts:
+def excess(
+    along: Annotated[Literal["all", "radial", "tangential"], "the trace, or one direction of the plane"] = "all",
+) -> Parts:
     """Stated minus actual squared error, tr(P - e e'); a mean below 0 says that the covariance is underestimated."""
     return {"quantity": Excess(along)}
 
 
 def indefinite() -> Parts:
-    """Share of the updates that leave a P which is not positive definite; sigma points then come from its positive part."""
+    """Share of the updates that leave a P which is not positive definite; sigma points then come from its positive
+    part.
+    """
     return {"quantity": Indefinite()}
 
 
@@ -165,7 +183,7 @@ def crossed() -> Parts:
 
 
 def score() -> Parts:
-    """The number of a run by which the scenario judges filters; readings may mean different errors by it (key `score`)."""
+    """The error of a run as the scenario's `score` says; readings may mean different errors by it."""
     return {"quantity": Score(), "reduce": "last"}
 
 

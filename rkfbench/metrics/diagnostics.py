@@ -7,13 +7,18 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt
 
 from rkfbench.catalogue import Entry
-from rkfbench.metrics.behaviour import Distance, Error, Fluctuation, Nees, Settling, StandardDeviation
+from rkfbench.metrics.behaviour import Distance, Error, Fluctuation, Nees, Settling, StandardDeviation, State
 from rkfbench.metrics.histories import Beyond, MeanOf
 
 Parts = dict[str, Any]
 Over = Annotated[Literal["mean", "median", "max"], "over the steps of a run"]
 History = Annotated[str, "name of a history that the filter keeps, such as alpha, weight, nu"]
 Component = Annotated[str, "one component of it, by the name of the measurement or state; default: all"]
+
+
+def state() -> Parts:
+    """Estimate of a state, averaged over the steps; `@k` is its curve."""
+    return {"quantity": State()}
 
 
 def error() -> Parts:
@@ -27,7 +32,9 @@ def fluctuation() -> Parts:
 
 
 def settling(limit: Annotated[float, Gt(0), "absolute error"] = 5.0) -> Parts:
-    """Steps after the end of the scripted manoeuvre until the absolute error stays below a limit; infinite if it never does."""
+    """Steps after the end of the scripted manoeuvre until the absolute error stays below a limit; infinite if it never
+    does.
+    """
     return {"quantity": Settling(limit=limit), "reduce": "last"}
 
 
@@ -51,17 +58,22 @@ def mean_of(name: History, component: Component = "") -> Parts:
     return {"quantity": MeanOf(name=name, component=component)}
 
 
-def share_below(name: History, limit: Annotated[float, "upper limit, itself excluded"] = 1.0, component: Component = "") -> Parts:
+def share_below(
+    name: History, limit: Annotated[float, "upper limit, itself excluded"] = 1.0, component: Component = ""
+) -> Parts:
     """Share of the steps at which something that the filter shows lies below a limit, in any component."""
     return {"quantity": Beyond(name=name, component=component, limit=float(limit))}
 
 
-def share_above(name: History, limit: Annotated[float, "lower limit, itself excluded"] = 1.0, component: Component = "") -> Parts:
+def share_above(
+    name: History, limit: Annotated[float, "lower limit, itself excluded"] = 1.0, component: Component = ""
+) -> Parts:
     """Share of the steps at which something that the filter shows lies above a limit, in any component."""
     return {"quantity": Beyond(name=name, component=component, limit=float(limit), above=True)}
 
 
 METRICS: dict[str, Entry] = {
+    "state": Entry(state),
     "error": Entry(error),
     "fluctuation": Entry(fluctuation, paper="daf", equations="conclusions"),
     "settling": Entry(settling),

@@ -1,7 +1,8 @@
 """Numbers from what a filter shows of itself: factors, weights, standardised residuals, last changes of an iteration.
 
-The history is named in the metric, `mean_of(name=u_beta)` or `share_below(name=alpha, component=A, limit=1)`, and a filter that does not keep it has no such
-number. Of a history with several components any one counts (a share), or their mean.
+The history is named in the metric, `mean_of(name=u_beta)` or `share_below(name=alpha, component=A, limit=1)`, and a
+filter that does not keep it has no such number. Of a history with several components any one counts (a share), or their
+mean.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from rkfbench.errors import SpecError, did_you_mean
 from rkfbench.linalg import Array
 from rkfbench.metrics.base import Each, Trial
+from rkfbench.models import Model
 
 
 @dataclass(frozen=True)
@@ -27,15 +29,19 @@ class Shown(Each):
     def keep(self) -> frozenset[str]:  # type: ignore[override]
         return frozenset({self.name})
 
+    def check(self, model: Model) -> None:
+        """SpecError if the model has no such component."""
+        names = (*model.measurements, *model.states)
+        if self.component and self.component not in names:
+            raise SpecError(f"the model has no component '{self.component}'{did_you_mean(self.component, names)}")
+
     def values(self, trial: Trial) -> Array:
         """The history with the components wanted, (T, d or 1, M)."""
         values = trial.estimate.extras[self.name]
         if not self.component:
             return values
         model = trial.experiment.model
-        names = next((each for each in (model.measurements, model.states) if len(each) == values.shape[1]), ())
-        if self.component not in names:
-            raise SpecError(f"'{self.name}' has no component '{self.component}'{did_you_mean(self.component, names)}")
+        names = next(each for each in (model.measurements, model.states) if self.component in each)
         return values[:, [names.index(self.component)]]
 
 

@@ -1,7 +1,10 @@
-"""What point smoothers are judged by: the filter's prior at the same step, the improvement over it, the runs that were not lost.
+"""What point smoothers are judged by: the filter's prior at the same step, the improvement over it, the runs that were
+not lost.
 
-A smoother of x_j and a filter answer to the same names: `mse@j` is the posterior of a filter at j and the last estimate of a smoother, `mse_prior@j` the prior of
-either. Improvements are those of the covariances that the smoother states, (33) of the FP-MCS paper; those of mean square errors are ratios of means of `mse`.
+A smoother of x_j and a filter answer to the same names: `mse@j` is the posterior of a filter at j and the last
+estimate of a smoother, `mse_prior@j` the prior of
+either. Improvements are those of the covariances that the smoother states, (33) of the FP-MCS paper; those of mean
+square errors are ratios of means of `mse`.
 """
 
 from __future__ import annotations
@@ -33,7 +36,9 @@ class PriorSquaredError(Each):
 
 @dataclass(frozen=True)
 class Trace(Each):
-    """Sum of the variances of the states that a smoother states: of its estimate, or of its filter's prior or posterior at j."""
+    """Sum of the variances of the states that a smoother states: of its estimate, or of its filter's prior or
+    posterior at j.
+    """
 
     of: Literal["cov", "prior_cov", "post_cov"] = "cov"
 
@@ -46,7 +51,7 @@ class Trace(Each):
         return getattr(filt, "target", None) is not None
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        P = trial.estimate.cov if self.of == "cov" else trial.estimate.extras[self.of]
+        P: Any = trial.estimate.cov if self.of == "cov" else trial.estimate.extras[self.of]
         return np.asarray(sum(P[:, i, i] for i in states))
 
 
@@ -91,7 +96,9 @@ def trace(of: Annotated[Literal["cov", "prior_cov", "post_cov"], "which covarian
 
 
 def improvement(base: Base = "prior") -> dict[str, Any]:
-    """Improvement in % of the covariance that a smoother states over that of its filter at j: 100 (1 - tr Pi / tr P_j)."""
+    """Improvement in % of the covariance that a smoother states over that of its filter at j: 100 (1 - tr Pi / tr
+    P_j).
+    """
     return {"quantity": Improvement(base)}
 
 

@@ -1,6 +1,8 @@
-"""Altitude-aided tracking from the origin, eqs (45)-(49) of the PEKF paper: a target of nearly constant velocity in space.
+"""Altitude-aided tracking from the origin, eqs (45)-(49) of the PEKF paper: a target of nearly constant velocity in
+space.
 
-(48) divides by r_k, which (46) defines as the noisy range; the noise-free one is meant. At ground range 0 the bearing is undefined and its slope infinite.
+(48) divides by r_k, which (46) defines as the noisy range; the noise-free one is meant. At ground range 0 the bearing
+is undefined and its slope infinite.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@
     atan_wrap    atan(y/x), which cannot tell opposite directions; differences are wrapped with period pi
     atan_raw     atan(y/x); differences are left as they are
 
-The choice rules the measurements that are simulated and what the filters believe of them. The Jacobian is the same for all four.
+The choice rules the measurements that are simulated and what the filters believe of them. The Jacobian is the same for
+all four.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from rkfbench.linalg import Array
 from rkfbench.models.base import wrap
 
 Angle = Annotated[
-    Literal["atan2_wrap", "atan2_raw", "atan_wrap", "atan_raw"], "how bearings are computed, and whether their differences are wrapped"
+    Literal["atan2_wrap", "atan2_raw", "atan_wrap", "atan_raw"],
+    "how bearings are computed, and whether their differences are wrapped",
 ]
 
 

@@ -1,7 +1,8 @@
 """A scripted drive along a road: constant speed, with one time of constant acceleration in between.
 
-Source: working modes 1 and 2 of the car of the DAF paper. Its mode 2 says that the speed is 20 m/s again right after 50 s of acceleration; taken
-literally (`reset`) the speed jumps at that moment, physically (`keep`) it stays where the acceleration left it. The distance is continuous in both.
+Source: working modes 1 and 2 of the car of the DAF paper. Its mode 2 says that the speed is 20 m/s again right after 50
+s of acceleration; taken literally (`reset`) the speed jumps at that moment, physically (`keep`) it stays where the
+acceleration left it. The distance is continuous in both.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from rkfbench.linalg import Array
 
 @dataclass(frozen=True)
 class Drive:
-    """Distance and speed (S, v) with acceleration a for start <= t < start + duration: v = v0 + a (t - start), S = S0 + integral of v."""
+    """Distance and speed (S, v) with acceleration a for start <= t < start + duration: v = v0 + a (t - start), S = S0 +
+    integral of v.
+    """
 
     initial: Annotated[tuple[float, float], "distance in m and speed in m/s at t = 0"] = (0.0, 20.0)
     acceleration: Annotated[float, "in m/s^2"] = 0.0

@@ -1,9 +1,11 @@
-"""A body falling through the atmosphere, seen by a range radar: altitude x1 (ft), downward speed x2 (ft/s), ballistic coefficient x3 (1/ft).
+"""A body falling through the atmosphere, seen by a range radar: altitude x1 (ft), downward speed x2 (ft/s), ballistic
+coefficient x3 (1/ft).
 
     x1' = -x2,   x2' = -x2^2 x3 exp(-gamma x1),   x3' = 0;      y = sqrt(dr^2 + (x1 - ar)^2) + v
 
-Source: Athans, Wishner and Bertolini (1968). The NRUKF paper says no more of its example than "target tracking"; this one is a labelled reconstruction.
-Between measurements x is integrated by Runge-Kutta steps of order four, the same for the truth and for the filters, and the Jacobian F by the same steps.
+Source: Athans, Wishner and Bertolini (1968). The NRUKF paper says no more of its example than "target tracking"; this
+one is a labelled reconstruction. Between measurements x is integrated by Runge-Kutta steps of order four, the same for
+the truth and for the filters, and the Jacobian F by the same steps.
 """
 
 from __future__ import annotations
@@ -59,7 +61,9 @@ class FallingBody(Smooth):
     def _rates(self, altitude: Array, speed: Array, ballistic: Array) -> tuple[Array, Array]:
         return -speed, -(speed * speed) * ballistic * np.exp(-self.decay * altitude)
 
-    def _tangent_rates(self, altitude: Array, speed: Array, Phi1: Array, Phi2: Array, ballistic: Array) -> tuple[Array, ...]:
+    def _tangent_rates(
+        self, altitude: Array, speed: Array, Phi1: Array, Phi2: Array, ballistic: Array
+    ) -> tuple[Array, ...]:
         """Rates of altitude and speed and of the first two rows of Phi; the third row of Phi stays (0, 0, 1)."""
         drag = speed * np.exp(-self.decay * altitude)
         J21, J22, J23 = self.decay * speed * ballistic * drag, -2 * ballistic * drag, -speed * drag

@@ -1,7 +1,7 @@
 """A car with several odometers: distance and speed by the constant-velocity model, every sensor measures the distance.
 
-Source: the experiment of the DAF paper. The paper prints one measurement row A = [1 0]; here each sensor has a row of its own, without which there are no
-separate factors for the sensors.
+Source: the experiment of the DAF paper. The paper prints one measurement row A = [1 0]; here each sensor has a row of
+its own, without which there are no separate factors for the sensors.
 """
 
 from __future__ import annotations

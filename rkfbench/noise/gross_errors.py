@@ -1,6 +1,7 @@
 """Gross errors: a fixed amount added to one component at given epochs, in every run alike.
 
-Source: examples 2 and 3 of the DAF paper (300 m on sensor A every 300 s; the sign and the error at the very last epoch are open there).
+Source: examples 2 and 3 of the DAF paper (300 m on sensor A every 300 s; the sign and the error at the very last epoch
+are open there).
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ class GrossErrors:
     def check(self, names: tuple[str, ...], steps: int) -> None:
         """SpecError where the component does not exist or an epoch lies outside the run."""
         if self.component not in names:
-            raise SpecError(f"there is no component '{self.component}'{did_you_mean(self.component, names)} (known: {', '.join(names)})", ["component"])
+            known = did_you_mean(self.component, names) or f" (known: {', '.join(names)})"
+            raise SpecError(f"there is no component '{self.component}'{known}", ["component"])
         for i, k in enumerate(self.at or ()):
             if k > steps:
                 raise SpecError(f"step {k} is not within 1..{steps}", ["at", i])

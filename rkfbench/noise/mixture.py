@@ -1,6 +1,8 @@
-"""Mixtures of zero-mean Gaussians, and the weighted sum that the same notation `p1 N(0, C1) + p2 N(0, C2)` may also mean.
+"""Mixtures of zero-mean Gaussians, and the weighted sum that the same notation `p1 N(0, C1) + p2 N(0, C2)` may also
+mean.
 
-per_component: every component of the vector has a label of its own at every time (the components are independent, so each C_k is diagonal).
+per_component: every component of the vector has a label of its own at every time (the components are independent, so
+each C_k is diagonal).
 per_vector:    one label a vector.
 weighted_sum:  p1 e1 + p2 e2 of independent Gaussians: a Gaussian with covariance p1^2 C1 + p2^2 C2, no mixture at all.
 
@@ -25,7 +27,9 @@ Labels = Literal["per_component", "per_vector", "weighted_sum"]
 
 @dataclass(frozen=True, eq=False)
 class GaussianMixture:
-    """sum_k weights_k N(0, covs_k); weights (K,) sum to 1, covs (K, d, d), diagonal where the labels are those of components."""
+    """sum_k weights_k N(0, covs_k); weights (K,) sum to 1, covs (K, d, d), diagonal where the labels are those of
+    components.
+    """
 
     weights: Array
     covs: Array
@@ -53,7 +57,9 @@ class GaussianMixture:
         if self.labels == "per_vector":
             label = self._label(draw.uniform("label", steps))
             value = self._pick(label[:, None], [factor(C) @ g for C in self.covs])
-            return Sample(value, lambda: self._pick(label[:, None, None], list(self.covs[:, None, ..., None])), flags=label > 0)
+            return Sample(
+                value, lambda: self._pick(label[:, None, None], list(self.covs[:, None, ..., None])), flags=label > 0
+            )
         label = self._label(draw.uniform("labels", steps, self.dim))
         scales = np.sqrt(np.einsum("kii->ki", self.covs))
 
@@ -79,18 +85,24 @@ class GaussianMixture:
         return picked
 
     def logpdf(self, e: Array) -> Array:
-        """log of the density at e (d, ...): by component sum_i log sum_k p_k N(e_i; 0, s_ki^2), by vector log sum_k p_k N(e; 0, C_k)."""
+        """log of the density at e (d, ...): by component sum_i log sum_k p_k N(e_i; 0, s_ki^2), by vector log sum_k
+        p_k N(e; 0, C_k).
+        """
         if self.labels == "weighted_sum":
             return gaussian_logpdf(e, self.cov)
         if self.labels == "per_vector":
-            return np.logaddexp.reduce([np.log(p) + gaussian_logpdf(e, C) for p, C in zip(self.weights, self.covs, strict=True)], axis=0)
+            return np.logaddexp.reduce(
+                [np.log(p) + gaussian_logpdf(e, C) for p, C in zip(self.weights, self.covs, strict=True)], axis=0
+            )
         total = np.zeros(e.shape[1:])
         for ei, variances in zip(e, np.einsum("kii->ik", self.covs), strict=True):
             total += self._log_density(ei, variances)
         return total
 
     def _log_density(self, e: Array, variances: Array) -> Array:
-        """log sum_k p_k N(e; 0, s_k^2), relative to the widest part: its own term is a constant, so nothing underflows and nothing overflows."""
+        """log sum_k p_k N(e; 0, s_k^2), relative to the widest part: its own term is a constant, so nothing underflows
+        and nothing overflows.
+        """
         height = self.weights / np.sqrt(2 * np.pi * variances)
         widest = int(np.argmax(variances))
         half = -0.5 * (e * e)

@@ -1,7 +1,9 @@
 """Shot noise: large Gaussian values added at a few random times of each run.
 
-Source: `outliers(N, t)` of the FP-MCS paper, section 3: ten times t = 50 rand in every run and channel, at each of them a value from N(1, 100). Real-valued times
-are no sample times, so t is rounded up to 1..50; times are drawn with replacement, and values at equal times add up. A shot in the process at t is part
+Source: `outliers(N, t)` of the FP-MCS paper, section 3: ten times t = 50 rand in every run and channel, at each of
+them a value from N(1, 100). Real-valued times
+are no sample times, so t is rounded up to 1..50; times are drawn with replacement, and values at equal times add up. A
+shot in the process at t is part
 of w_t and acts on x_{t+1}; a shot in the measurement at t is part of v_t and acts on y_t.
 """
 
@@ -25,7 +27,9 @@ class Shots:
 
     channel: Annotated[Literal["process", "measurement"], "what is disturbed"]
     count: Annotated[int, Ge(1), "shots a run"] = 10
-    window: Annotated[tuple[Annotated[int, Ge(0)], Annotated[int, Ge(1)]], "times t = ceil of a uniform number in it, at least 1"] = (0, 50)
+    window: Annotated[
+        tuple[Annotated[int, Ge(0)], Annotated[int, Ge(1)]], "times t = ceil of a uniform number in it, at least 1"
+    ] = (0, 50)
     mean: Annotated[float, "mean of a shot"] = 1.0
     variance: Annotated[float, Ge(0), "variance of a shot"] = 100.0
     components: Annotated[tuple[str, ...] | None, "names of the components that are hit; default: all"] = None
@@ -39,7 +43,10 @@ class Shots:
         """SpecError where a component does not exist or the window leaves the run."""
         for i, name in enumerate(self.components or ()):
             if name not in names:
-                raise SpecError(f"there is no component '{name}'{did_you_mean(name, names)} (known: {', '.join(names)})", ["components", i])
+                raise SpecError(
+                    f"there is no component '{name}'{did_you_mean(name, names)} (known: {', '.join(names)})",
+                    ["components", i],
+                )
         if self.window[1] > steps:
             raise SpecError(f"step {self.window[1]} is not within 1..{steps}", ["window"])
 

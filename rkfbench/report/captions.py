@@ -60,7 +60,9 @@ def metric_name(metric: str) -> str:
     base = re.split(r"[(\[]", name, maxsplit=1)[0]
     shown = METRICS.get(base, base.replace("_", " "))
     rest = name[len(base) :].replace("(", " (").replace("[", " [").replace(",", ", ").replace("=", " = ")
-    return f"{shown}{rest}" + (f" at k = {step.replace('..', ' to ')}" if step not in ("", "k") else "")
+    if step.startswith("j+"):
+        return f"{shown}{rest} at lag {step[2:]}"
+    return f"{shown}{rest}" + (f" at k = {step.replace('..', ' to ')}" if step not in ("", "k", "lag") else "")
 
 
 def _what(figure: Any, metrics: str, runs: str, points: Sequence[Point]) -> str:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Looks = Mapping[str, Look]
 HUGE = 1e100  # larger values cannot be drawn to scale and count as infinite, their inverses as 0
 BESIDE: dict[str, Any] = {"linestyle": style.DOTTED, "marker": "", "linewidth": 1.0}
+PATH: dict[str, Any] = {"linestyle": style.SOLID, "marker": "", "linewidth": 0.5}  # of a single run, too rough for dashes
 PRINTED: dict[str, Any] = {
     "linestyle": "",
     "marker": "D",
@@ -32,6 +33,7 @@ PRINTED: dict[str, Any] = {
 def _curves(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None:
     """Lines against the step with their band of +-2 standard errors; markers a few times a line, staggered."""
     filters = distinct(point.filter for point in points)
+    path = figure.statistic == "first"
     for order, label in enumerate(filters):
         look = looks[label]
         mine = [point for point in points if point.filter == label]
@@ -41,12 +43,13 @@ def _curves(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> Non
                 continue
             x, y, low, high = _arrays(chosen, figure.x.times, figure.y.times)
             if role == "band":
-                ax.fill_between(x, -y, y, color=look.colour, alpha=0.12, linewidth=0)
+                colour, alpha, above = (style.GREY, 0.45, 3) if path else (look.colour, 0.12, 1)
+                ax.fill_between(x, -y, y, color=colour, alpha=alpha, linewidth=0, zorder=above)
                 continue
             step = max(len(x) // 8, 1)
             every = (order * step // max(len(filters), 1), step) if len(x) > 12 else None
             _band(ax, x, low, high, look)
-            ax.plot(x, _finite(y), markevery=every, **line_style(look) | (BESIDE if role == "beside" else {}))
+            ax.plot(x, _finite(y), markevery=every, **line_style(look) | (BESIDE if role == "beside" else PATH if path else {}))
             _arrows(ax, x, y, look)
 
 

@@ -52,7 +52,7 @@ FILTERS: dict[str, Look] = {
     "daf": Look(RED, "*"), "hkf_regression": Look(PURPLE, "d", DASHED),
 }  # fmt: skip
 
-REFERENCES = ("clairvoyant", "bayes", "zero", "truth", "optimal")
+REFERENCES = ("clairvoyant", "kf_clair", "bayes", "zero", "truth", "optimal")
 SPARE = tuple(
     Look(colour, marker, dash)
     for dash, markers in ((DASHDOT, "hp<>d8X"), (DOTTED, "*v^Ds<>"))
@@ -60,7 +60,8 @@ SPARE = tuple(
 )
 NAMES = {
     "fpmcs": "FP-MCS", "nrukf_r": "NRUKF-R", "nrukf_y": "NRUKF-Y", "nrukf_r_it": "NRUKF-R, iterated",
-    "nrukf_y_it": "NRUKF-Y, iterated", "ukf_match": "UKF, matched R", "clairvoyant_kf": "clairvoyant KF",
+    "nrukf_y_it": "NRUKF-Y, iterated", "ukf_match": "UKF, matched R", "clairvoyant_kf": "clairvoyant KF", "kf_clair": "KF told outliers",
+    "tempered": "tempered EKF", "inflated": "inflated EKF", "iterated": "iterated EKF", "flow": "continuous flow",
     "bayes": "exact Bayes", "zero": "zero estimate", "hkf_regression": "HKF, regression",
 }  # fmt: skip
 

@@ -50,12 +50,36 @@ def compute(spec: Mapping[str, Any], seed: int, block: int, runs: int, labels: S
     world = experiment.simulate(streams)
     partners = _partners(experiment, labels)
     held = {label: _estimate(experiment, world, streams, label, keep) for label, keep in partners.items()}
+    hosts = _hosts(experiment, [label for label in labels if label not in held])
+    passed: dict[str, Estimate | None] = {}
     results = {}
-    for label in labels:
+    for label in sorted(labels, key=lambda label: label in hosts):  # a filter after the smoother that runs it anyhow
         wanted = _wanted(experiment, label)
-        estimate = held.get(label) or _estimate(experiment, world, streams, label, _keep(wanted))
+        keep = _keep(wanted) | (frozenset({"passed"}) if label in hosts.values() else frozenset())
+        estimate = (
+            held.get(label) or passed.get(hosts.get(label, "")) or _estimate(experiment, world, streams, label, keep)
+        )
+        passed[label] = estimate.passed
         results[label] = _reduce(experiment, world, label, estimate, wanted, held, last - first)
-    return BlockResult(first, last, results)
+    return BlockResult(first, last, {label: results[label] for label in labels})
+
+
+def _hosts(experiment: Experiment, labels: Sequence[str]) -> dict[str, str]:
+    """For the filters that a smoother among the others runs on its way, with the same numbers: the label of that
+    smoother.
+    """
+    found = {}
+    for host in labels:
+        smoother, told = experiment.filters[host]
+        inner = smoother.passes(experiment.steps) if hasattr(smoother, "passes") else None
+        for label in labels if inner is not None else ():
+            if (
+                experiment.filters[label][0] == inner
+                and experiment.filters[label][1] is told
+                and _keep(_wanted(experiment, label)) <= {"prior_mean"}
+            ):
+                found[label] = host
+    return found
 
 
 def _wanted(experiment: Experiment, label: str) -> list[Metric]:

@@ -58,14 +58,14 @@ def test_the_logarithm_of_a_factor_does_not_underflow():
         ("raf_trace", (400, 100.5), (1e-6, 1), 1, (100.1666707, 20.0333341), 0.3333333),
         ("daf", (400, 100.5), (1e-6, 0.0261296969), 1, (100.0064541, 20.0012908), 0.4935518),
         ("daf_joint", (400, 100.5), (1e-6, 0.0261296969), 1e-6, (100.5004202, 20.1000840), 38.26764),
-        ("daf_fused", (400, 100.5), (1e-6,), 1e-6, (104.1118421, 20.8223684), 328947.37),
+        ("daf_fused", (400, 100.5), (1e-6, 1e-6), 1e-6, (104.1118421, 20.8223684), 328947.37),
         ("skf", (104, 103.5), None, None, (101.2039474, 20.2407895), 0.3289474),
         ("sdf", (104, 103.5), (1, 0.9123491239), 5.6202255e-6, (103.5209591, 20.7041918), 1.0500227),
         ("raf", (104, 103.5), (1, 1), 0.1365685114, (102.7872186, 20.5574437), 0.7615352),
         ("raf_trace", (104, 103.5), (1, 1), 2.6664819e-5, (103.5190503, 20.7038101), 0.9614892),
         ("daf", (104, 103.5), (1, 0.9123491239), 0.1361298894, (102.7381982, 20.5476396), 0.8165872),
         ("daf_joint", (104, 103.5), (1, 0.9123491239), 0.1365685114, (102.7362381, 20.5472476), 0.8160027),
-        ("daf_fused", (104, 103.5), (0.8445736849,), 0.1365685114, (102.6844609, 20.5368922), 0.8684373),
+        ("daf_fused", (104, 103.5), (0.8445736849, 0.8445736849), 0.1365685114, (102.6844609, 20.5368922), 0.8684373),
         ("raf", (1100, 100.5), (1e-6, 1), 1, (100.1666800, 20.0333360), None),
     ],
 )
@@ -84,14 +84,15 @@ def test_every_filter_takes_sound_measurements_as_the_kalman_filter_does(name):
     mean, cov, seen = update(name, (102, 100.5))
     np.testing.assert_allclose(mean, (100.1907895, 20.0381579), rtol=1e-9)
     np.testing.assert_allclose(cov, [[0.3289473684, 0.0657894737], [0.0657894737, 0.0431578947]], rtol=1e-8)
-    assert name == "skf" or (seen["alpha"] == 1).all() and (seen["beta"] == 1).all()
+    assert name == "skf" or ((seen["alpha"] == 1).all() and (seen["beta"] == 1).all())
 
 
 @pytest.mark.parametrize(
     ("name", "y", "u"),
     [
-        ("daf", (400, 100.5), 0.408623), ("daf_joint", (400, 100.5), 9.941949), ("daf_fused", (400, 100.5), 9.941949), ("sdf", (400, 100.5), 16.997759),
-        ("daf", (104, 103.5), 2.912142), ("daf_joint", (104, 103.5), 2.911003), ("daf_fused", (104, 103.5), 2.911003), ("sdf", (104, 103.5), 4.976944),
+        ("daf", (400, 100.5), 0.408623), ("daf_joint", (400, 100.5), 9.941949), ("daf_fused", (400, 100.5), 9.941949),
+        ("sdf", (400, 100.5), 16.997759), ("sdf", (104, 103.5), 4.976944),
+        ("daf", (104, 103.5), 2.912142), ("daf_joint", (104, 103.5), 2.911003), ("daf_fused", (104, 103.5), 2.911003),
     ],
 )  # fmt: skip
 def test_standardised_state_residuals_have_the_values_of_the_note(name, y, u):
@@ -111,7 +112,9 @@ def test_the_weighted_solution_equals_its_information_form(seed):
     x, y = rng.standard_normal(2), rng.standard_normal(2)
     sensors = Sensors((y - H @ x)[:, None], np.diag(R)[:, None], prior[:1, 0])
     for factors in ([beta], [beta, rng.uniform(0.01, 1)]):
-        mean, cov = weighted_solution(x[:, None], prior[..., None], H[0], sensors, alpha[:, None], np.array(factors)[:, None])
+        mean, cov = weighted_solution(
+            x[:, None], prior[..., None], H[0], sensors, alpha[:, None], np.array(factors)[:, None]
+        )
         expected, expected_cov = oracle.solution(x, prior, H, R, y, alpha, factors)
         np.testing.assert_allclose(mean[:, 0], expected, rtol=1e-9)
         np.testing.assert_allclose(cov[..., 0], expected_cov, rtol=1e-9)
@@ -143,7 +146,7 @@ def test_trajectories_equal_those_of_the_textbook_filter(name):
 def test_the_variants_equal_their_twins(name, params, twin):
     y = np.array([116.0, 101.5])
     alpha, beta, _ = twin(X, P, H, R, y)
-    mean, cov, seen = update(name, y, **params)
+    mean, cov, _ = update(name, y, **params)
     expected, expected_cov = oracle.solution(X, P, H, R, y, alpha, beta)
     assert 1e-5 < beta < 1 and alpha.min() < 1
     np.testing.assert_allclose(mean, expected, rtol=1e-10)
@@ -214,8 +217,12 @@ def test_sensors_one_after_the_other_are_the_stacked_ones_while_all_factors_are_
 
 
 def test_the_standard_filter_reaches_the_steady_state_of_the_note():
-    result = build("skf").run(CAR, np.zeros((1500, 2, 1)), [0, 20], np.diag([25.0, 1.0]), Q=Q, R=R, keep=("cov", "prior_cov"))
-    np.testing.assert_allclose(result.extras["prior_cov"][-1, ..., 0], [[0.547458874, 0.1228412527], [0.1228412527, 0.04956637018]], rtol=1e-8)
+    result = build("skf").run(
+        CAR, np.zeros((1500, 2, 1)), [0, 20], np.diag([25.0, 1.0]), Q=Q, R=R, keep=("cov", "prior_cov")
+    )
+    np.testing.assert_allclose(
+        result.extras["prior_cov"][-1, ..., 0], [[0.547458874, 0.1228412527], [0.1228412527, 0.04956637018]], rtol=1e-8
+    )
     Pm, Pp = result.extras["prior_cov"][-1, ..., 0], result.cov[-1, ..., 0]
     np.testing.assert_allclose(Pp, [[0.3488427389, 0.07827488248], [0.07827488248, 0.03956637018]], rtol=1e-8)
     K = Pm @ H.T @ np.linalg.inv(H @ Pm @ H.T + R)
@@ -242,7 +249,9 @@ def test_dependent_sensors_and_sensors_of_different_quantities_are_refused():
         build("raf").check(linear_problem().model)
 
 
-@pytest.mark.parametrize("params", [{"lambda_alpha": 0}, {"lambda_beta": -1.0}, {"floor": 0.0}, {"floor": 1.5}, {"factor": "huber"}])
+@pytest.mark.parametrize(
+    "params", [{"lambda_alpha": 0}, {"lambda_beta": -1.0}, {"floor": 0.0}, {"floor": 1.5}, {"factor": "huber"}]
+)
 def test_senseless_parameters_are_refused(params):
     with pytest.raises(SpecError):
         build("daf", **params)

@@ -181,9 +181,9 @@ def test_altitude_tracking_meets_the_known_errors():
         "assumed": {"mean": [2, 2, 50, 6, 6, 0], "cov": 1},
     }
     known = {"ekf": (125.6, 0.7), "pekf": (102.8, 0.5)}
-    for name, squares in run(spec, known, 1024):
+    for name, squares in run(spec, known, 512):
         each = np.sqrt(squares.mean(0))
-        near(each.mean(), each.std() / 32, *known[name])
+        near(each.mean(), each.std() / np.sqrt(512), *known[name])
 
 
 # --- marks --------------------------------------------------------------------------------------------------------

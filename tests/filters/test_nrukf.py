@@ -19,7 +19,9 @@ def h(x):
 
 
 def update(spec, x, P, y, **params):
-    post = build(spec, **params).correct(BODY, np.array(x, float)[:, None], np.array(P, float)[..., None], np.atleast_2d(y), 1, R[..., None])
+    post = build(spec, **params).correct(
+        BODY, np.array(x, float)[:, None], np.array(P, float)[..., None], np.atleast_2d(y), 1, R[..., None]
+    )
     return post.x[:, 0], post.P[..., 0]
 
 
@@ -60,7 +62,8 @@ def test_one_update_gives_the_vectors_of_the_note(spec, at_50, at_800):
 @pytest.mark.parametrize(
     ("spec", "x1", "x2", "P11"),
     [
-        (UKF, 298331.5581, 19872.4773, 12401.817), ("ekf", 298332.0836, 19872.2752, 12401.103), ("hukf", 298331.5582, 19872.4772, 12401.261),
+        (UKF, 298331.5581, 19872.4773, 12401.817), ("ekf", 298332.0836, 19872.2752, 12401.103),
+        ("hukf", 298331.5582, 19872.4772, 12401.261),
         ("nrukf_r", 298326.7636, 19874.3213, 27261.406), ("nrukf_y", 298148.3573, 19942.9391, 12401.817),
     ],
     ids=str,
@@ -74,7 +77,9 @@ def test_the_first_step_of_track_gives_the_vectors_of_the_note(spec, x1, x2, P11
     np.testing.assert_allclose(result.mean[0, :2, 0], (x1, x2), rtol=0, atol=6e-5)
     assert result.cov[0, 0, 0, 0] == pytest.approx(P11, abs=6e-4)
     if spec == UKF:
-        np.testing.assert_allclose(result.extras["prior_mean"][0, :, 0], (298000.000019, 19999.999610, 3e-5), rtol=0, atol=1e-6)
+        np.testing.assert_allclose(
+            result.extras["prior_mean"][0, :, 0], (298000.000019, 19999.999610, 3e-5), rtol=0, atol=1e-6
+        )
         assert result.extras["prior_cov"][0, 0, 0, 0] == pytest.approx(1039999.9966, abs=6e-5)
         assert 222119.747206 - result.extras["nu"][0, 0, 0] == pytest.approx(221820.223115, abs=1e-6)
 
@@ -139,7 +144,9 @@ def test_a_run_that_leaves_the_world_fails_alone(spec):
     wild = y.copy()
     wild[10, 0, 2] = 1e30
     told = {"x0": [3e5, 2e4, 3e-5], "P0": np.diag([1e6, 4e6, 1e-4]), "Q": np.zeros((3, 3)), "R": R}
-    calm, result = (build(spec, **({} if spec == "ekf" else {"threshold": 1e12})).run(BODY, each, **told) for each in (y, wild))
+    calm, result = (
+        build(spec, **({} if spec == "ekf" else {"threshold": 1e12})).run(BODY, each, **told) for each in (y, wild)
+    )
     assert result.failed.tolist() == [False, False, True, False] or calm.failed.any()
     assert np.isnan(result.mean[10:, :, 2]).all()
     np.testing.assert_array_equal(np.isnan(result.mean[..., [0, 1, 3]]), np.isnan(calm.mean[..., [0, 1, 3]]))

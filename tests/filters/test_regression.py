@@ -28,7 +28,9 @@ class Line(Linear):
 def update(spec, P, nu, **params):
     P = np.atleast_2d(np.array(P, float))
     n = len(P)
-    post = build(spec, **params).correct(Line(n), np.zeros((n, 1)), P[..., None], np.array([[float(nu)]]), 1, np.ones((1, 1, 1)))
+    post = build(spec, **params).correct(
+        Line(n), np.zeros((n, 1)), P[..., None], np.array([[float(nu)]]), 1, np.ones((1, 1, 1))
+    )
     return post.x[:, 0], post.P[..., 0], post.seen
 
 
@@ -63,10 +65,13 @@ def test_the_scalar_table_of_the_note(nu, kf, m, m_P, r, r_P, y):
 @pytest.mark.parametrize(
     ("nu", "rows", "root", "x", "P11"),
     [
-        (10, "weighted", "cholesky", (9.3275, 2.331875), 0.93275), (10, "weighted", "symmetric", (9.319929, 1.673133), 0.931993),
+        (10, "weighted", "cholesky", (9.3275, 2.331875), 0.93275),
+        (10, "weighted", "symmetric", (9.319929, 1.673133), 0.931993),
         (10, "unit", "cholesky", (5.38, 1.345), 1.848), (10, "unit", "symmetric", (5.38, 1.345), 1.848),
-        (100, "weighted", "cholesky", (99.3275, 24.831875), 0.993275), (100, "weighted", "symmetric", (99.319929, 15.215620), 0.993199),
-        (100, "unit", "cholesky", (5.38, 1.345), 3.7848), (1, "weighted", "cholesky", (0.8, 0.2), 0.8), (1, "weighted", "symmetric", (0.8, 0.2), 0.8),
+        (100, "weighted", "cholesky", (99.3275, 24.831875), 0.993275),
+        (100, "weighted", "symmetric", (99.319929, 15.215620), 0.993199),
+        (100, "unit", "cholesky", (5.38, 1.345), 3.7848), (1, "weighted", "cholesky", (0.8, 0.2), 0.8),
+        (1, "weighted", "symmetric", (0.8, 0.2), 0.8),
         (1, "unit", "cholesky", (0.8, 0.2), 0.8),
     ],
 )  # fmt: skip

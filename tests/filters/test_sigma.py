@@ -59,7 +59,9 @@ def test_divided_differences_are_the_textbook_formulae():
     offset = lambda s: oracle.residual(MODEL.h(s, 1), MODEL.h(x, 1), MODEL.angles)  # noqa: E731
     z, S, C = oracle.divided_difference(x, P, offset, 2.5)
     K = C @ np.linalg.inv(S + R)
-    np.testing.assert_allclose(est.mean[0, :, 0], x + K @ oracle.residual(y, MODEL.h(x, 1) + z, MODEL.angles), atol=1e-12)
+    np.testing.assert_allclose(
+        est.mean[0, :, 0], x + K @ oracle.residual(y, MODEL.h(x, 1) + z, MODEL.angles), atol=1e-12
+    )
     np.testing.assert_allclose(est.cov[0, ..., 0], P - K @ (S + R) @ K.T, atol=1e-12)
 
 
@@ -132,7 +134,8 @@ def test_a_full_turn_of_the_measured_bearing_changes_nothing(name):
     model, x0, P0 = RangeBearing(), np.array([-20.0, 1.0]), 30 * spd(2, 3)
     y = np.array([[20.0, 3.0]])
     R = np.diag([1.0, 0.01])
-    one, other = (build(name).run(model, each, x0, P0, Q=np.zeros((2, 2)), R=R) for each in (y, y + [0, 2 * np.pi]))
+    turned = y + np.array([0, 2 * np.pi])
+    one, other = (build(name).run(model, each, x0, P0, Q=np.zeros((2, 2)), R=R) for each in (y, turned))
     np.testing.assert_allclose(one.mean, other.mean, atol=1e-12)
 
 
@@ -141,7 +144,7 @@ def test_turning_the_scene_by_pi_turns_the_result_across_the_cut(name):
     model, P0, R = RangeBearing(), np.diag([30.0, 90.0]), np.diag([1.0, 0.01])
     x0, y = np.array([20.0, 1.0]), np.array([[21.0, 0.1]])
     one = build(name).run(model, y, x0, P0, Q=np.zeros((2, 2)), R=R)
-    other = build(name).run(model, y + [0, np.pi], -x0, P0, Q=np.zeros((2, 2)), R=R)
+    other = build(name).run(model, y + np.array([0, np.pi]), -x0, P0, Q=np.zeros((2, 2)), R=R)
     np.testing.assert_allclose(other.mean, -one.mean, atol=1e-12)
     np.testing.assert_allclose(other.cov, one.cov, atol=1e-12)
 

@@ -1,4 +1,6 @@
-"""Textbook twins of the adaptive-factor filters for one run: the loss (5) minimised in information form, with plain loops and inverses."""
+"""Textbook twins of the adaptive-factor filters for one run: the loss (5) minimised in information form, with plain
+loops and inverses.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,7 @@ def raf(x, P, H, R, y, norm="consistent"):
         q = np.exp(log_f - log_f.max()) / variances
         X = q @ y / q.sum()
         sized = np.abs(y - X) / np.sqrt(variances)
-        new = -np.maximum(sized - 2.5, 0.0) ** 2
+        new = -(np.maximum(sized - 2.5, 0.0) ** 2)
         if (new == log_f).all():
             break
         log_f = new

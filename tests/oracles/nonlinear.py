@@ -57,7 +57,9 @@ def unscented_points(x, P, alpha, beta, kappa):
     n = len(x)
     lam = alpha**2 * (n + kappa) - n
     L = np.linalg.cholesky(P)
-    points = [x] + [x + np.sqrt(n + lam) * L[:, i] for i in range(n)] + [x - np.sqrt(n + lam) * L[:, i] for i in range(n)]
+    points = (
+        [x] + [x + np.sqrt(n + lam) * L[:, i] for i in range(n)] + [x - np.sqrt(n + lam) * L[:, i] for i in range(n)]
+    )
     Wm = np.full(2 * n + 1, 1 / (2 * (n + lam)))
     Wm[0] = lam / (n + lam)
     Wc = Wm.copy()

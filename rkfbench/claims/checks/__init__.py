@@ -38,4 +38,4 @@ def checks_of(paper: str) -> dict[str, Check]:
     return {f"{name}.{id}": check for id, check in found.items()}
 
 
-PAPERS = ("aladkf", "daf", "nrukf")
+PAPERS = ("aladkf", "daf", "fpmcs", "nrukf", "pekf")

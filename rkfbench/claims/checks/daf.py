@@ -20,7 +20,9 @@ def _draws(seed: int) -> tuple[np.random.Generator, Array, Array]:
 
 
 def gain_form() -> Outcome:
-    """(beta (P-)^-1 + H' alpha R^-1 H)^-1 (beta (P-)^-1 x- + H' alpha R^-1 y) = x- + Kbar nu: largest relative difference."""
+    """(beta (P-)^-1 + H' alpha R^-1 H)^-1 (beta (P-)^-1 x- + H' alpha R^-1 y) = x- + Kbar nu: largest relative
+    difference.
+    """
     rng, P, R = _draws(7)
     alpha, beta = rng.uniform(1e-3, 1, (RUNS, 2)), rng.uniform(1e-3, 1, RUNS)
     x, y = rng.standard_normal((RUNS, 2)), 5 * rng.standard_normal((RUNS, 2))

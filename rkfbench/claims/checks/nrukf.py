@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from rkfbench.models.base import Linear
 PRIORS = (np.array([[4.0]]), np.array([[4.0, 1.0], [1.0, 2.0]]))  # R = 1, H = [1] and [1 0], x- = 0
 PASSES = 400  # of the iteration, enough to converge where H P- H' is four times R
 PLAIN = {"moments": "linear"}
-FILTERS = {
+FILTERS: dict[str, dict[str, Any]] = {
     "KF": PLAIN,
     "HUKF": {"use": "hkf_regression", "passes": PASSES},
     "HUKF0": {"use": "hkf_regression", "passes": PASSES, "state_rows": "unit"},
@@ -37,12 +38,15 @@ def _update(name: str, P: Array, nu: Array) -> tuple[Array, Array]:
     """x+ (n, N) and P+ (n, n, N or 1) of one update from x- = 0 for the innovations nu (N,)."""
     n = len(P)
     x, y = np.zeros((n, len(nu))), nu[None]
-    after = build(FILTERS[name]).correct(_FirstState(n), x, P[..., None], y, 1, np.ones((1, 1, 1)))  # type: ignore[attr-defined]
+    filt: Any = build(FILTERS[name])
+    after = filt.correct(_FirstState(n), x, P[..., None], y, 1, np.ones((1, 1, 1)))
     return after.x, after.P
 
 
 def state_weights() -> Outcome:
-    """(14)-(15) with all rows weighted against (23)-(24), converged: largest difference of x+ in the two-state vectors."""
+    """(14)-(15) with all rows weighted against (23)-(24), converged: largest difference of x+ in the two-state
+    vectors.
+    """
     nu = np.array([1.0, 10.0, 100.0])
     weighted, unit = (_update(name, PRIORS[1], nu)[0] for name in ("HUKF", "HUKF0"))
     apart = np.abs(weighted - unit).max(0)
@@ -69,7 +73,7 @@ def least_squares() -> Outcome:
 
 
 def influence(name: str) -> Outcome:
-    """|x1+ - x1-| over nu = 10 .. 1e6 in the scalar and the two-state model: largest relative growth from 1e5 to 1e6."""
+    """|x1+ - x1-| over nu = 10 .. 1e6 in the scalar and the two-state model: relative growth from 1e5 to 1e6."""
     nu = 10.0 ** np.arange(1, 7)
     shifts = [np.abs(_update(name, P, nu)[0][0]) for P in PRIORS]
     growth = [float(shift[-1] / shift[-2] - 1) for shift in shifts]
