@@ -37,7 +37,9 @@ def sym(A: Array) -> Array:
 
 
 def sandwich(A: Array, P: Array) -> Array:
-    """A P A' for symmetric P, symmetric to the last bit. With a shared A it is one product: vec(A P A') = (A x A) vec(P)."""
+    """A P A' for symmetric P, symmetric to the last bit. With a shared A it is one product: vec(A P A') = (A x A)
+    vec(P).
+    """
     if A.ndim > 2:
         return sym(mul(A, transpose(mul(A, P))))
     m, n = A.shape

@@ -14,7 +14,7 @@ POINT = {"at": 4, "lag": 4}
 REQUIRED: dict[str, dict[str, Any]] = {
     "fixed_point": {"filter": "kf", **POINT},
     "decoupled": {"filter": "kf", "parts": [["px", "py", "vx", "vy"]]},
-    **{name: POINT for name in ("ks", "fpmcs", "ps")},
+    **dict.fromkeys(("ks", "fpmcs", "ps"), POINT),
 }
 
 SPECS: dict[str, dict[str, Any]] = {

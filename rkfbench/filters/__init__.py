@@ -1,8 +1,8 @@
 """The catalogue of filters and of the parts they are made of, and how one is built.
 
-    build("hkf", threshold=2)
-    build({"moments": "taylor", "weight": {"huber": {"threshold": 1.345}}, "update": "once"})
-    build({"fixed_point": {"filter": "hkf", "at": 50, "lag": 20}})
+build("hkf", threshold=2)
+build({"moments": "taylor", "weight": {"huber": {"threshold": 1.345}}, "update": "once"})
+build({"fixed_point": {"filter": "hkf", "at": 50, "lag": 20}})
 """
 
 from __future__ import annotations
@@ -32,7 +32,19 @@ from rkfbench.filters.moments import Linear, Taylor
 from rkfbench.filters.smoothing import placed
 from rkfbench.filters.weights import Huber, LeastAbsolute, Plain
 
-__all__ = ["FILTERS", "MOMENTS", "SCHEMES", "WEIGHTS", "Estimate", "Filter", "GaussianFilter", "Known", "Setting", "build", "placed"]
+__all__ = [
+    "FILTERS",
+    "MOMENTS",
+    "SCHEMES",
+    "WEIGHTS",
+    "Estimate",
+    "Filter",
+    "GaussianFilter",
+    "Known",
+    "Setting",
+    "build",
+    "placed",
+]
 
 FILTERS: dict[str, Entry] = {
     **linear.FILTERS,
@@ -50,12 +62,22 @@ WEIGHTS: dict[str, Entry] = {
     "correntropy": Entry(correntropy.Correntropy, paper="fpmcs-2024", equations="(2), (6)"),
     **nrukf.WEIGHTS,
 }
-SCHEMES: dict[str, Entry] = {**schemes.SCHEMES, **flow.SCHEMES, "joseph": Entry(joseph.Joseph, paper="fpmcs-2024", equations="(6)"), **nrukf.SCHEMES}
-_PARTS = {"moments": (MOMENTS, "moment rule"), "weight": (WEIGHTS, "robust weight"), "update": (SCHEMES, "update scheme")}
+SCHEMES: dict[str, Entry] = {
+    **schemes.SCHEMES,
+    **flow.SCHEMES,
+    "joseph": Entry(joseph.Joseph, paper="fpmcs-2024", equations="(6)"),
+    **nrukf.SCHEMES,
+}
+_PARTS = {
+    "moments": (MOMENTS, "moment rule"),
+    "weight": (WEIGHTS, "robust weight"),
+    "update": (SCHEMES, "update scheme"),
+}
 
 
 def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
-    """The filter that a name with parameters, `{use: name, **parameters}`, `{name: {**parameters}}` or `{moments:, weight:, update:}` describes.
+    """The filter that a name with parameters, `{use: name, **parameters}`, `{name: {**parameters}}` or `{moments:,
+    weight:, update:}` describes.
 
     Raises SpecError with the path of each fault.
     """
@@ -65,7 +87,11 @@ def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
     if "use" in description:
         name = description.pop("use")
         return _make(FILTERS, "filter", name, description, at="use")
-    if len(description) == 1 and (name := next(iter(description))) in FILTERS and isinstance(description[name], Mapping):
+    if (
+        len(description) == 1
+        and (name := next(iter(description))) in FILTERS
+        and isinstance(description[name], Mapping)
+    ):
         try:
             return _make(FILTERS, "filter", name, description[name])
         except SpecError as error:

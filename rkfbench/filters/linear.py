@@ -1,4 +1,6 @@
-"""The linear filters of the ALADKF paper, by name: choices of parts of the Gaussian family, and the clairvoyant reference."""
+"""The linear filters of the ALADKF paper, by name: choices of parts of the Gaussian family, and the clairvoyant
+reference.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def aladkf() -> GaussianFilter:
 
 
 def clairvoyant_kf() -> Clairvoyant:
-    """Clairvoyant Kalman filter: knows the coin, label and scale of every noise value; a true lower bound of the mean square error."""
+    """Clairvoyant Kalman filter: knows the coin, label and scale of every noise value; a true lower bound of the mean
+    square error.
+    """
     return Clairvoyant()
 
 

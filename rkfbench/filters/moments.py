@@ -99,4 +99,6 @@ class Linear(Jacobians):
     def check(self, model: Model) -> None:
         """SpecError unless the model is linear."""
         if not model.linear:
-            raise SpecError("linear moments need a linear model (taylor, unscented and cubature moments serve any model)")
+            raise SpecError(
+                "linear moments need a linear model (taylor, unscented and cubature moments serve any model)"
+            )

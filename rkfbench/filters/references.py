@@ -128,9 +128,9 @@ class Rejecting:
 
 @dataclass(frozen=True)
 class Truth:
-    """The true states themselves, to be drawn beside estimates."""
+    """The true states themselves, without any covariance, to be drawn beside estimates."""
 
-    sees = frozenset[str]()
+    sees = frozenset({"cov"})
 
     def run(
         self,
@@ -149,7 +149,9 @@ class Truth:
         if known is None:
             raise SpecError("truth needs the true states, which recorded data does not have")
         failed = np.isinf(y).any(1).cumsum(0) > 0
-        return Estimate(np.where(failed[:, None], np.nan, known.truth), None, failed[-1])
+        T, n, _ = known.truth.shape
+        cov = np.zeros((T, n, n, 1)) if "cov" in keep else None
+        return Estimate(np.where(failed[:, None], np.nan, known.truth), cov, failed[-1])
 
 
 def kf_clair() -> Rejecting:

@@ -1,10 +1,12 @@
 """Robust weights: what a large residual does to the measurement noise covariance R of one update.
 
-A weight sees the innovation nu, the residual e = y - h(x) at the prior mean, R and Szz, and answers with D, R' and nu' of the update
+A weight sees the innovation nu, the residual e = y - h(x) at the prior mean, R and Szz, and answers with D, R' and nu'
+of the update
 
     S = D Szz D + R',   K = Pxz D S^-1,   x + K nu',   P - K S K'.
 
-Inflating R means D = I, nu' = nu. A weight that may vanish scales the innovation instead (D = sqrt of the weight), so that nothing is divided by it.
+Inflating R means D = I, nu' = nu. A weight that may vanish scales the innovation instead (D = sqrt of the weight), so
+that nothing is divided by it.
 """
 
 from __future__ import annotations
@@ -55,7 +57,8 @@ class Huber:
 
     threshold: Annotated[float, Gt(0), "threshold beta of (11), in units of the whitened residual"] = 1.345
     root: Annotated[
-        Literal["symmetric", "cholesky"], "which root L of R whitens; decides which combinations of components are judged"
+        Literal["symmetric", "cholesky"],
+        "which root L of R whitens; decides which combinations of components are judged",
     ] = "symmetric"
     reuse_root: Annotated[bool, "compute the root of R once while R stays the same, not in every step"] = True
 
@@ -84,7 +87,9 @@ class LeastAbsolute:
 
 
 def recolour(L: Array, d: Array) -> Array:
-    """L diag(d) L' = sum_i d_i l_i l_i' for d (m, M): with a shared L one product with the outer products of its columns."""
+    """L diag(d) L' = sum_i d_i l_i l_i' for d (m, M): with a shared L one product with the outer products of its
+    columns.
+    """
     m = len(L)
     if L.ndim == 2:
         products = (L[:, None] * L[None]).reshape(m * m, m)

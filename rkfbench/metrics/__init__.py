@@ -46,8 +46,12 @@ def mse() -> Parts:
     return {"quantity": SquaredError()}
 
 
-def rmse(steps: Annotated[Literal["all", "outlier", "clean"], "which steps count, by the outlier flags"] = "all") -> Parts:
-    """Root of the mean over the steps of the summed squared error, per run (eq. 41 of the PEKF paper); `rmse@k` is the curve of the root over runs (eq. 43)."""
+def rmse(
+    steps: Annotated[Literal["all", "outlier", "clean"], "which steps count, by the outlier flags"] = "all",
+) -> Parts:
+    """Root of the mean over the steps of the summed squared error, per run (eq. 41 of the PEKF paper); `rmse@k` is the
+    curve of the root over runs (eq. 43).
+    """
     if steps == "all":
         return {"quantity": SquaredError(), "reduce": "root"}
     return {"quantity": SquaredErrorWhere(steps), "reduce": "root_where"}
@@ -69,7 +73,9 @@ def cond_S_max() -> Parts:
 
 
 def if_norm(every: Annotated[int, Ge(1), "steps between two evaluations"] = 10) -> Parts:
-    """Norm of the influence function about the truth, eqs (59)-(77) and (81) over all n states, averaged over k = 10, 20, ..., T."""
+    """Norm of the influence function about the truth, eqs (59)-(77) and (81) over all n states, averaged over k = 10,
+    20, ..., T.
+    """
     return {"quantity": InfluenceNorm(every)}
 
 
@@ -79,7 +85,9 @@ def lambda_mean() -> Parts:
 
 
 def share_46(
-    steps: Annotated[Literal["all", "outlier", "clean", "worse"], "which steps count; worse: cond(S) above that of `than`"] = "all",
+    steps: Annotated[
+        Literal["all", "outlier", "clean", "worse"], "which steps count; worse: cond(S) above that of `than`"
+    ] = "all",
     than: Annotated[str, "label of the filter compared with"] = "kf",
 ) -> Parts:
     """Share of the steps at which (46) holds: cond(Psi^(-1/2)) >= cond(R)."""
@@ -99,14 +107,17 @@ def cond_ratio_top_psi(
 
 
 def cond_S_top_lambda(
-    by: Annotated[str, "label of the filter whose lambda counts"] = "aladkf", count: Annotated[int, Ge(1), "steps a run"] = 25
+    by: Annotated[str, "label of the filter whose lambda counts"] = "aladkf",
+    count: Annotated[int, Ge(1), "steps a run"] = 25,
 ) -> Parts:
     """Mean cond(S) at the steps of each run with the largest lambda."""
     return {"quantity": ConditionTopLambda(by, count)}
 
 
 def gradient_rest() -> Parts:
-    """What (24) neglects of the gradient of J_{k+1}, relative to the new term that it keeps; median over k = 5, 20, 50."""
+    """What (24) neglects of the gradient of J_{k+1}, relative to the new term that it keeps; median over k = 5, 20,
+    50.
+    """
     return {"quantity": GradientRest(), "reduce": "median"}
 
 
@@ -148,7 +159,9 @@ METRICS: dict[str, Entry] = {
     **consistency.METRICS,
 }
 
-_NAME = re.compile(r"(?P<name>\w+)(?:\((?P<params>[^()]*)\))?(?:\[(?P<states>[^\[\]]*)\])?(?:@(?P<at>k|lag|j(?:\+\d+)?|\d+(?:\.\.\d+)?))?")
+_NAME = re.compile(
+    r"(?P<name>\w+)(?:\((?P<params>[^()]*)\))?(?:\[(?P<states>[^\[\]]*)\])?(?:@(?P<at>k|lag|j(?:\+\d+)?|\d+(?:\.\.\d+)?))?"
+)
 
 
 @cache
@@ -156,7 +169,10 @@ def get(text: str) -> Metric:
     """The metric that a name describes; SpecError if there is none."""
     match = _NAME.fullmatch(text)
     if not match:
-        raise SpecError(f"'{text}' is not a metric: write name, name[states], name@step, name@first..last or name@k for the curve (name@j, name@j+5, name@lag about a point)")
+        raise SpecError(
+            f"'{text}' is not a metric: write name, name[states], name@step, name@first..last or name@k for the curve "
+            "(name@j, name@j+5, name@lag about a point)"
+        )
     params = _params(match["params"] or "")
     parts = _build(METRICS, "metric", match["name"], params)
     states = tuple(part.strip() for part in match["states"].split(",")) if match["states"] else ()

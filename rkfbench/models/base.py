@@ -7,6 +7,7 @@ its filters or its experiment.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar, Protocol
 
@@ -72,13 +73,15 @@ class Smooth:
         return difference
 
 
-class Linear(Smooth):
-    """x_k = F x_{k-1} + B u, y_k = H x_k. A subclass gives `matrices`: F (n, n), H (m, n) and the input Bu (n,) or
-    None.
-    """
+class Linear(Smooth, ABC):
+    """x_k = F x_{k-1} + B u, y_k = H x_k."""
 
     linear: ClassVar[bool] = True
-    matrices: tuple[Array, Array, Array | None]
+
+    @property
+    @abstractmethod
+    def matrices(self) -> tuple[Array, Array, Array | None]:
+        """F (n, n), H (m, n) and the input Bu (n,) or None."""
 
     def f(self, x: Array, k: int) -> Array:
         F, _, Bu = self.matrices

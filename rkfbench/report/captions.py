@@ -36,9 +36,8 @@ def caption(figure: Lines, points: Sequence[Point]) -> str:
 def casualties(points: Sequence[Any]) -> str:
     """Which filters failed or lost runs, with counts: a mean that leaves runs out must say so."""
     counts: dict[str, list[tuple[int, int]]] = {}
-    for label, case in distinct((point.filter, point.case) for point in points):
-        point = next(each for each in points if (each.filter, each.case) == (label, case))
-        counts.setdefault(label, []).append((point.failed or 0, point.lost or 0))
+    for label, failed, lost in distinct((point.filter, point.failed or 0, point.lost or 0) for point in points):
+        counts.setdefault(label, []).append((failed, lost))
     told = []
     for label, pairs in counts.items():
         words = [

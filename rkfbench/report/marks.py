@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Looks = Mapping[str, Look]
 HUGE = 1e100  # larger values cannot be drawn to scale and count as infinite, their inverses as 0
 BESIDE: dict[str, Any] = {"linestyle": style.DOTTED, "marker": "", "linewidth": 1.0}
-PATH: dict[str, Any] = {"linestyle": style.SOLID, "marker": "", "linewidth": 0.5}  # of a single run, too rough for dashes
+PATH: dict[str, Any] = {"linestyle": style.SOLID, "marker": "", "linewidth": 0.5}  # a single run: too rough for dashes
 PRINTED: dict[str, Any] = {
     "linestyle": "",
     "marker": "D",
@@ -49,7 +49,12 @@ def _curves(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> Non
             step = max(len(x) // 8, 1)
             every = (order * step // max(len(filters), 1), step) if len(x) > 12 else None
             _band(ax, x, low, high, look)
-            ax.plot(x, _finite(y), markevery=every, **line_style(look) | (BESIDE if role == "beside" else PATH if path else {}))
+            ax.plot(
+                x,
+                _finite(y),
+                markevery=every,
+                **line_style(look) | (BESIDE if role == "beside" else PATH if path else {}),
+            )
             _arrows(ax, x, y, look)
 
 

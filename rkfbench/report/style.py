@@ -46,8 +46,8 @@ FILTERS: dict[str, Look] = {
     "mckf": Look(BLUE, "D"), "fpmcs": Look(RED, ">"), "ks": Look(BLACK, "s", DASHED),
     "pf": Look(GREEN, "v", DASHDOT), "ps": Look(ORANGE, "P", LONG),
     "hukf": Look(BLUE, "s"), "hukf0": Look(BLUE, "d", DOTTED), "hddf": Look(GREEN, "X", DASHDOT),
-    "nrukf_r": Look(RED, "p"), "nrukf_y": Look(ORANGE, "^", LONG), "nrukf_r_it": Look(RED, "8", DASHED),
-    "nrukf_y_it": Look(ORANGE, "p", DOTTED), "ukf_match": Look(BLACK, "*", DASHDOT),
+    "nrukf_r": Look(RED, "p"), "nrukf_y": Look(PURPLE, "^", LONG), "nrukf_r_it": Look(RED, "8", DASHED),
+    "nrukf_y_it": Look(PURPLE, "p", DOTTED), "hekf": Look(ORANGE, "s", DOTTED), "ukf_match": Look(BLACK, "*", DASHDOT),
     "skf": Look(BLACK, "d", LONG), "sdf": Look(SKY, "D", DASHDOT), "raf": Look(ORANGE, "^", DASHED),
     "daf": Look(RED, "*"), "hkf_regression": Look(PURPLE, "d", DASHED),
 }  # fmt: skip
@@ -60,7 +60,8 @@ SPARE = tuple(
 )
 NAMES = {
     "fpmcs": "FP-MCS", "nrukf_r": "NRUKF-R", "nrukf_y": "NRUKF-Y", "nrukf_r_it": "NRUKF-R, iterated",
-    "nrukf_y_it": "NRUKF-Y, iterated", "ukf_match": "UKF, matched R", "clairvoyant_kf": "clairvoyant KF", "kf_clair": "KF told outliers",
+    "nrukf_y_it": "NRUKF-Y, iterated", "ukf_match": "UKF, matched R", "clairvoyant_kf": "clairvoyant KF",
+    "kf_clair": "KF told outliers",
     "tempered": "tempered EKF", "inflated": "inflated EKF", "iterated": "iterated EKF", "flow": "continuous flow",
     "bayes": "exact Bayes", "zero": "zero estimate", "hkf_regression": "HKF, regression",
 }  # fmt: skip

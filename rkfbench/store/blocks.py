@@ -8,7 +8,8 @@ The key of a part is plain data; a part is reused when its key equals the wanted
 keys). Whatever does not read back exactly, by truncation or by a flipped bit, is `Damaged`.
 
 A curve is kept by its moments, which merge over blocks, so files and memory stay small whatever the number of runs;
-its median cannot be merged and is kept as that of the block. Beside them stands the path of one run, the first, as papers like to show it.
+its median cannot be merged and is kept as that of the block. Beside them stands the path of one run, the first, as
+papers like to show it.
 """
 
 from __future__ import annotations

@@ -25,7 +25,18 @@ Key = dict[str, Any]
 
 # The compute part: every source file that a number of a block is made by. A test compares this with what is imported.
 COMPUTE = (
-    *("blas.py", "catalogue.py", "experiment.py", "linalg.py", "streams.py", "filters", "metrics", "models", "noise"),
+    *(
+        "blas.py",
+        "catalogue.py",
+        "experiment.py",
+        "linalg.py",
+        "parts.py",
+        "streams.py",
+        "filters",
+        "metrics",
+        "models",
+        "noise",
+    ),
     *("store/blocks.py", "study/blocks.py", "study/compute.py", "study/jobs.py"),
 )
 
@@ -69,7 +80,9 @@ def cells(scenario: Scenario, full: bool) -> list[Cell]:
 
 
 def labels(cell: Cell, full: bool) -> tuple[str, ...]:
-    """The filters of a cell to run, by label, in the order of the scenario; a switch is shown without the extra ones."""
+    """The filters of a cell to run, by label, in the order of the scenario; a switch is shown without the extra
+    ones.
+    """
     extra = full and cell.switch is None
     return tuple(
         each["label"] for each in cell.spec["filters"] if (extra or not each.get("extra")) and not each.get("timing")

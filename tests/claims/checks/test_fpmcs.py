@@ -22,9 +22,9 @@ def test_row_sums_in_closed_form():
     """The sums of the rows as polynomials, added by hand."""
     for n, m in ((4, 2), (6, 3), (2, 1)):
         A, B, D = sums(n, m)
-        assert A == 6 * n**3 + 2 * m**3 + 6 * n**2 * m + 6 * m**2 * n - n**2 - m**2 + 2 * n * m - n + 2 * m
-        assert B == 4 * n**3 + 14 * n**2 * m + 16 * m**2 * n - n * m - n + 2 * m
-        assert D == 4 * n**3 + 14 * n**2 * m + 8 * m**2 * n + n * m - n
+        assert 6 * n**3 + 2 * m**3 + 6 * n**2 * m + 6 * m**2 * n - n**2 - m**2 + 2 * n * m - n + 2 * m == A
+        assert 4 * n**3 + 14 * n**2 * m + 16 * m**2 * n - n * m - n + 2 * m == B
+        assert 4 * n**3 + 14 * n**2 * m + 8 * m**2 * n + n * m - n == D
         assert total_29(n, m) == A
         for N in (1, 100):
             assert total_30(n, m, N) - A - N * B == -m - N * (2 * n * m - n + 2 * m) + n
