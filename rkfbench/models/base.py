@@ -7,7 +7,6 @@ its filters or its experiment.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, ClassVar, Protocol
 
@@ -73,15 +72,14 @@ class Smooth:
         return difference
 
 
-class Linear(Smooth, ABC):
-    """x_k = F x_{k-1} + B u, y_k = H x_k."""
+class Linear(Smooth):
+    """x_k = F x_{k-1} + B u, y_k = H x_k.
+
+    A subclass gives `matrices`: F (n, n), H (m, n) and the input Bu (n,) or None.
+    """
 
     linear: ClassVar[bool] = True
-
-    @property
-    @abstractmethod
-    def matrices(self) -> tuple[Array, Array, Array | None]:
-        """F (n, n), H (m, n) and the input Bu (n,) or None."""
+    matrices: tuple[Array, Array, Array | None]
 
     def f(self, x: Array, k: int) -> Array:
         F, _, Bu = self.matrices

@@ -42,7 +42,7 @@ class Navigation(Linear):
         return self.observed
 
     @cached_property
-    def matrices(self) -> tuple[Array, Array, Array | None]:
+    def matrices(self) -> tuple[Array, Array, Array | None]:  # type: ignore[override]
         F = np.kron([[1, self.dt], [0, 1]], np.eye(2))
         H = np.eye(4)[[self.states.index(name) for name in self.observed]]
         Bu = self.u * self.dt * np.array([0, 0, np.sin(self.theta), np.cos(self.theta)])

@@ -35,5 +35,5 @@ class Odometers(Linear):
         return self.sensors
 
     @cached_property
-    def matrices(self) -> tuple[Array, Array, Array | None]:
+    def matrices(self) -> tuple[Array, Array, Array | None]:  # type: ignore[override]
         return np.array([[1.0, self.dt], [0.0, 1.0]]), np.tile([1.0, 0.0], (len(self.sensors), 1)), None
