@@ -52,7 +52,7 @@ def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> Non
 
     sweep = list(dict.fromkeys(column for each in finished for column in each.cell.point))
     series: list[dict[str, Any]] = []
-    summary = list(_summary(finished, series))
+    summary = list(_summary(finished, scenario, series))
     statistics = ("runs", "failed", "lost", *STATISTICS)
     files.write_records(folder / "summary.csv", ["reading", "case", *sweep, "filter", "metric", *statistics], summary)
     files.write_records(
@@ -62,7 +62,9 @@ def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> Non
     files.write_csv(folder / "runs.csv", [*KEYS, *names], _runs(finished, names))
 
 
-def _summary(finished: Sequence[Finished], series: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+def _summary(
+    finished: Sequence[Finished], scenario: Scenario, series: list[dict[str, Any]]
+) -> Iterator[dict[str, Any]]:
     """The rows of summary.csv; those of series.csv are appended to `series` on the way."""
     for each in finished:
         for label in each.labels:
@@ -74,7 +76,27 @@ def _summary(finished: Sequence[Finished], series: list[dict[str, Any]]) -> Iter
                 row = summarise(values[there], part.failed[there], _is_root(metric))
                 yield {**identity, "metric": metric, **counts, **row}
             for metric, curve in part.curves.items():
+                if not kept(scenario, each.cell, label, metric):
+                    continue
                 series.extend({**identity, "metric": metric, **row} for row in along(curve, _is_root(metric)))
+
+
+def kept(scenario: Scenario, cell: Cell, label: str, metric: str) -> bool:
+    """Whether series.csv has this curve: where figures show the metric, what they show of it; else all of it.
+
+    Curves are long; those of all cases and filters would make a folder too large to be committed. The blocks keep them.
+    """
+    from rkfbench.scenario.display import Steps, case_matches
+
+    extra = any(each["label"] == label and each.get("extra") for each in cell.spec["filters"])
+    figures = [each for each in scenario.figures if isinstance(each, Steps)]
+    figures = [each for each in figures if metric in (*each.metrics, each.beside, each.band)]
+    return not figures or any(
+        (cell.switch is None if each.readings is None else plan.reading(cell) in each.readings)
+        and (not cell.extra if each.cases is None else any(case_matches(name, cell.case) for name in each.cases))
+        and (not extra if each.filters is None else label in each.filters)
+        for each in figures
+    )
 
 
 def _whole(units: Sequence[Unit], label: str) -> Part:

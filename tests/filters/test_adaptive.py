@@ -255,3 +255,11 @@ def test_dependent_sensors_and_sensors_of_different_quantities_are_refused():
 def test_senseless_parameters_are_refused(params):
     with pytest.raises(SpecError):
         build("daf", **params)
+
+
+@pytest.mark.parametrize("name", TWINS)
+def test_no_number_depends_on_the_width_of_the_batch(name):
+    rng = np.random.default_rng(11)
+    y = 20.0 * np.arange(1, 41)[:, None, None] + rng.standard_normal((40, 2, 256)) * np.array([9.0, 3.0])[:, None]
+    whole, half = (filt(name).run(CAR, each, [0, 20], np.diag([25.0, 1.0]), Q=Q, R=R) for each in (y, y[..., 128:]))
+    np.testing.assert_array_equal(whole.mean[..., 128:], half.mean)

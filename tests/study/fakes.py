@@ -36,6 +36,7 @@ class Scenario:
     runs: int = 10
     cells: tuple[Cell, ...] = ()
     sensitivity: tuple[Cell, ...] = ()
+    figures: tuple[Any, ...] = ()
     resolved: dict[str, Any] = field(default_factory=lambda: {"name": "toy", "seed": 7})
 
     def changed(self, **spec: Any) -> Scenario:

@@ -63,6 +63,21 @@ def test_every_number_of_the_summary_has_its_formula(tmp_path: Path, compute: fa
     assert pooled["se"] == pytest.approx(plain["se"] / 2 / pooled["mean"], rel=1e-14)
 
 
+def test_a_curve_that_a_figure_shows_is_kept_where_it_shows_it_and_any_other_everywhere() -> None:
+    from rkfbench.scenario.display import Curve
+    from rkfbench.study.outputs import kept
+
+    figure = Curve(kind="curve", id="fig1", metric="rmse@k", band="sd@k", cases=["rate=0.1"], filters=["kf"])
+    study = fakes.scenario(filters=["kf", "hkf"], figures=(figure,))
+    for metric, expected in (("rmse@k", [True, False]), ("sd@k", [True, False]), ("nees@k", [True, True])):
+        assert [kept(study, study.cells[0], label, metric) for label in ("kf", "hkf")] == expected
+        assert [kept(study, cell, "kf", metric) for cell in study.cells] == expected
+    every = fakes.scenario(
+        filters=["kf", "spare"], figures=(figure.model_copy(update={"cases": None, "filters": None}),)
+    )
+    assert [kept(every, every.cells[1], label, "rmse@k") for label in ("kf", "spare")] == [True, False]
+
+
 def test_a_curve_over_several_blocks_has_the_moments_of_all_runs(tmp_path: Path, compute: fakes.Compute) -> None:
     run_study(fakes.scenario(), tmp_path / "r")
     values = np.array([fakes.value(7, k, 0.1, "hkf") for k in range(10) if k != 3])
