@@ -144,23 +144,21 @@ def solve(S: Array, B: Array) -> Array:
 def condition(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array, Array]:
     """Gaussian conditioning x + C S^-1 nu and P - C S^-1 C', for cov(x, y) = C (n, m, M) and cov(y) = S (m, m, M).
 
-    One elimination of [S | C' | nu], S = L L', leaves in each row k a column g_k of C L'^-1 and an element e_k of L^-1
-    nu; so each measurement direction is taken as one rank-one step x + g_k e_k, P - g_k g_k'. No inverse, and P stays
-    symmetric to the last bit. A pivot that is not positive makes the run NaN.
+    Elimination turns the rows of [S | C' | nu] into those of [L' | g' | e] with S = L L', g = C L'^-1, e = L^-1 nu;
+    then the result is x + g e and P - g g'. No inverse, and P stays symmetric to the last bit. A pivot that is not
+    positive makes the run NaN.
     """
     if S.shape[-1] == 1:
         return _condition_shared(x, P, C, S, nu)
-    m, n, width = len(S), len(P), S.shape[-1]
-    A = np.empty((m, m + n + 1, width))
+    m, n = len(S), len(P)
+    A = np.empty((m, m + n + 1, S.shape[-1]))
     A[:, :m], A[:, m:-1], A[:, -1] = S, transpose(C), nu
-    B = np.empty((n, n + 1, width))
-    B[:, :n], B[:, n] = P, -x
-    for k in range(m, 0, -1):  # k directions are left
-        row = A[0] / np.sqrt(A[0, 0])
-        g_e = row[k:]
-        B -= g_e[:n, None] * g_e
-        A = A[1:, 1:] - row[1:k, None] * row[1:]
-    return -B[:, n], B[:, :n]
+    for k, row in enumerate(A):
+        row[k:] /= np.sqrt(row[k])
+        for i in range(k + 1, m):
+            A[i, i:] -= row[i] * row[i:]
+    g, e = A[:, m:-1], A[:, -1]
+    return x + np.einsum("kiM,kM->iM", g, e), P - np.einsum("kiM,kjM->ijM", g, g)
 
 
 def _condition_shared(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array, Array]:

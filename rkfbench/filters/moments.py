@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple, Protocol
 
 from rkfbench.errors import SpecError
-from rkfbench.linalg import Array, mul, sandwich, sym, transpose
+from rkfbench.linalg import Array, mul, sandwich, transpose
 from rkfbench.models import Model
 
 
@@ -70,8 +70,7 @@ class Jacobians:
 
     def measure(self, model: Model, x: Array, P: Array, k: int) -> Measured:
         H, z = model.H(x, k), model.h(x, k)
-        PH = transpose(mul(H, P))
-        return Measured(z, sym(mul(H, PH)), PH, z)
+        return Measured(z, sandwich(H, P), transpose(mul(H, P)), z)
 
     def slope(self, model: Model, x: Array, P: Array, k: int) -> Array:
         return model.H(x, k)

@@ -18,6 +18,7 @@ from rkfbench.filters.base import Estimate, Posterior
 from rkfbench.linalg import Array, batched, positive_definite
 from rkfbench.models import Model, Observed
 
+ROUNDING = 1e-9  # of the trace: far more than an update loses
 SEES = frozenset({"cov", "prior_mean", "prior_cov", "nu", "S"})  # what every recursive filter can keep
 
 
@@ -65,9 +66,11 @@ def steps(filt: Recursive, model: Model, y: Array, x: Array, P: Array, Q: Array,
     """The steps k = 1..T one after the other, from arguments as `prepare` makes them."""
     incomplete = np.asarray(np.isnan(y).any(axis=(1, 2)))
     plausible = getattr(model, "plausible", None)
+    floor = float(np.linalg.eigvalsh(Q[..., 0])[0]) if Q.shape[-1] == 1 and Q.ndim == 3 else 0.0
+    spread: Any = np.inf  # trace of the last prior covariance
     for k, yk in enumerate(y, 1):
         prior_x, prior_P, *handed = filt.predict(model, x, P, k, Q[k - 1] if Q.ndim == 4 else Q)
-        sound = positive_definite(prior_P)
+        sound, spread = _sound(prior_P, floor, spread)
         update = _correct_observed if incomplete[k - 1] else _correct
         x, P, seen = update(filt, model, prior_x, prior_P, yk, k, R[k - 1] if R.ndim == 4 else R, *handed)
         sound = np.asarray(sound & np.isfinite(x).all(0))
@@ -75,6 +78,18 @@ def steps(filt: Recursive, model: Model, y: Array, x: Array, P: Array, Q: Array,
             sound = sound & plausible(prior_x, prior_P) & plausible(x, P) & positive_definite(P)
         x, P = bury(x, P, sound)
         yield Step(prior_x, prior_P, x, P, seen)
+
+
+def _sound(P: Array, floor: float, before: Array | float) -> tuple[Any, Array]:
+    """Whether the prior covariance P = F P+ F' + Q is positive definite, by run, and its trace.
+
+    An update leaves P+ semidefinite but for rounding, which is small against the traces of the priors now and `before`.
+    Where the smallest eigenvalue `floor` of Q is larger than that by far, there is no need to look at the pivots.
+    """
+    trace = np.einsum("ii...->...", P)
+    if (ROUNDING * (trace + before) < floor).all():
+        return np.True_, trace
+    return positive_definite(P), trace
 
 
 def prepare(
