@@ -57,6 +57,7 @@ def show(terminal: Terminal, name: Annotated[str, typer.Argument(help="Any name 
     """Show what a name stands for: its parameters, paper and equations; of a scenario, all of it with defaults."""
     from rkfbench.errors import UsageError, did_you_mean
     from rkfbench.scenario import bundled, load
+    from rkfbench.scenario.yaml import dump
 
     entries = {kind: catalogue[name] for kind in CATALOGUES if name in (catalogue := _catalogue(kind))}
     if entries:
@@ -70,9 +71,7 @@ def show(terminal: Terminal, name: Annotated[str, typer.Argument(help="Any name 
         if terminal.json:
             terminal.object(resolved)
         else:
-            import yaml
-
-            terminal.data(yaml.safe_dump(resolved, sort_keys=False, allow_unicode=True, width=120))
+            terminal.data(dump(resolved))
     else:
         known = [*bundled(), *(each for kind in CATALOGUES for each in _catalogue(kind))]
         raise UsageError(f"nothing is called '{name}'{did_you_mean(name, known)}")

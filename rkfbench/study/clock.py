@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rkfbench.scenario import Cell, Scenario
 
 PREFIX = "time"  # of the names of metrics that are measured with a clock
+FORMS = ("time_ms", "time_ns")  # the second, of batches, is for the full study
 IDENTITY = ("reading", "case", "filter", "metric")
 STATISTICS = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q95", "least")
 
@@ -33,13 +34,13 @@ def update(scenario: Scenario, wanted: Wanted, folder: Path, *, full: bool, fres
     from rkfbench.study.timing import measure
 
     jobs = [(cell, labels) for cell in _cells(scenario, full) if (labels := _labels(cell, wanted, full))]
-    made_from = plan.digest([plan.code_hash(), [[cell.spec, labels] for cell, labels in jobs]])
+    made_from = plan.digest([plan.code_hash(), full, [[cell.spec, labels] for cell, labels in jobs]])
     measured = manifest.read(folder).get("hashes", {}).get("times") == made_from
     if not jobs or (measured and not fresh):
         return
     values: dict[tuple[str, ...], list[float]] = {}
     for cell, labels in jobs:
-        for time in measure(cell.case, cell.spec, scenario.seed, labels):
+        for time in measure(cell.case, cell.spec, scenario.seed, labels, FORMS if full else FORMS[:1]):
             values.setdefault((cell.reading, cell.case, time.filter, time.metric), []).append(time.value)
     repeats = ([*key, repeat, each] for key, found in values.items() for repeat, each in enumerate(found))
     files.write_csv(folder / "timings/repeats.csv", [*IDENTITY, "repeat", "value"], repeats)

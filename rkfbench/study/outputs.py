@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rkfbench import metrics
+from rkfbench.scenario.yaml import dump
 from rkfbench.store import blocks, files
 from rkfbench.store.blocks import Curve, Part
 from rkfbench.store.results import KEYS
@@ -44,10 +45,7 @@ class Finished:
 
 def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> None:
     """Write scenario.yaml, filters.csv, summary.csv, series.csv and runs.csv."""
-    import yaml
-
-    text = yaml.safe_dump(scenario.resolved, sort_keys=False, allow_unicode=True, width=120)
-    files.write(folder / "scenario.yaml", text)
+    files.write(folder / "scenario.yaml", dump(scenario.resolved))
     _write_filters(folder / "filters.csv", finished)
 
     sweep = list(dict.fromkeys(column for each in finished for column in each.cell.point))

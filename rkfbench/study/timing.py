@@ -17,10 +17,7 @@ from rkfbench.linalg import Array
 from rkfbench.streams import Streams
 
 REPEATS = 10
-STEPS_ALONE, STEPS_BATCH = (
-    100,
-    40,
-)  # the first steps are timed and scaled: the cost of a step does not change along a run
+STEPS = {"time_ms": 100, "time_ns": 40}  # so many are timed and scaled: the cost of a step does not change along a run
 
 
 @dataclass(frozen=True)
@@ -34,19 +31,20 @@ class Time:
     value: float
 
 
-def measure(case: str, spec: Mapping[str, Any], seed: int, labels: Sequence[str]) -> Iterator[Time]:
+def measure(
+    case: str, spec: Mapping[str, Any], seed: int, labels: Sequence[str], forms: Sequence[str] = tuple(STEPS)
+) -> Iterator[Time]:
     """Times of the filters `labels` in the case that `spec` describes; a first round warms up and is not counted."""
     experiment = Experiment.of(spec)
     world = experiment.simulate(Streams(seed))
     T = experiment.steps
-    forms = {
-        "time_ms": (slice(0, 1), min(T, STEPS_ALONE), T * 1e3),
-        "time_ns": (slice(None), min(T, STEPS_BATCH), 1e9 / world.y.shape[2]),
-    }
+    runs_of = {"time_ms": slice(0, 1), "time_ns": slice(None)}
+    scale_of = {"time_ms": T * 1e3, "time_ns": 1e9 / world.y.shape[2]}
     for repeat in range(-1, REPEATS):
-        for metric, (runs, steps, scale) in forms.items():
+        for metric in forms:
+            steps, scale = min(T, STEPS[metric]), scale_of[metric]
             for label in labels:
-                seconds = _seconds(experiment, world, label, runs, steps)
+                seconds = _seconds(experiment, world, label, runs_of[metric], steps)
                 if repeat >= 0:
                     yield Time(case, repeat, label, metric, seconds / steps * scale)
 
@@ -54,9 +52,7 @@ def measure(case: str, spec: Mapping[str, Any], seed: int, labels: Sequence[str]
 def _seconds(experiment: Experiment, world: World, label: str, runs: slice, steps: int) -> float:
     filt: Any
     filt, told = experiment.filters[label]
-    if (
-        getattr(filt, "target", None) is not None
-    ):  # a smoother of one point: the same share of the steps before and after it
+    if getattr(filt, "target", None) is not None:  # a smoother of one point: the same share of the steps around it
         at = max(1, filt.at * steps // experiment.steps)
         filt = replace(filt, at=at, lag=min(filt.lag * steps // experiment.steps, steps - at))
 
