@@ -72,9 +72,11 @@ def test_shares_of_46_by_kind_of_step():
     phi = 1 / ESTIMATES["hkf"].extras["inflation"]
     holds = np.sqrt(phi.max(1) / phi.min(1)) >= np.linalg.cond(EXPERIMENT.R)
     flags, worse = WORLD.v.flags, conditions("hkf") > conditions("kf")
+    clear = (np.abs(conditions("hkf") / conditions("kf") - 1) > 1e-12).all(0)  # rounding decides nothing in these runs
+    assert clear.sum() > 50
     for name, which in (("all", np.ones_like(flags)), ("outlier", flags), ("clean", ~flags), ("worse", worse)):
-        np.testing.assert_allclose(measure(f"share_46(steps={name})", "hkf"), share(holds, which))
-    np.testing.assert_allclose(measure("share_worse_given_46", "hkf"), share(worse, holds))
+        np.testing.assert_allclose(measure(f"share_46(steps={name})", "hkf")[clear], share(holds, which)[clear])
+    np.testing.assert_allclose(measure("share_worse_given_46", "hkf")[clear], share(worse, holds)[clear])
 
 
 def share(what, among):
