@@ -75,6 +75,7 @@ def compare(a: Results, b: Results, tolerance: float = TOLERANCE, common: bool =
     tested = [
         Difference(key, first[key]["mean"], second[key]["mean"], _z(a, b, key, first[key], second[key]))
         for key in apart
+        if not _equal(first[key]["mean"], second[key]["mean"], tolerance)  # what has no chance in it rounds only
     ]
     differences = alone + [each for each in tested if not abs(each.z) <= threshold]
     level: Level = "different" if differences else "no statistical difference"
@@ -118,7 +119,17 @@ def _z(a: Results, b: Results, key: Key, first: Row, second: Row) -> float:
             return _ratio(float(difference.mean()), float(difference.std(ddof=1)) / math.sqrt(len(difference)))
     if first["mean"] is None or second["mean"] is None:
         return 0.0 if first["mean"] is second["mean"] else math.inf
-    return _ratio(first["mean"] - second["mean"], math.hypot(first["se"] or 0.0, second["se"] or 0.0))
+    return _ratio(first["mean"] - second["mean"], _pooled_se(first, second))
+
+
+def _pooled_se(first: Row, second: Row) -> float:
+    """Standard error of a difference of means of the same law: the spread is that of all runs of both together.
+
+    So a mean of equal values in few runs (no outlier in 100 of them) does not pass for a number without chance.
+    """
+    counts = [max(row["runs"] - row["failed"], 1) for row in (first, second)]
+    squares = sum((n * (row["se"] or 0.0)) ** 2 for n, row in zip(counts, (first, second), strict=True))
+    return math.sqrt(squares / sum(counts) * sum(1 / n for n in counts))
 
 
 def _ratio(difference: float, se: float) -> float:

@@ -2,7 +2,8 @@
 
 Means are over the runs that did not fail; quantiles count a failed run as +inf. A metric whose statistic is the root of
 a mean (`pooled_rmse`) is shown as sqrt(mean) with its standard error by the delta method, se / (2 sqrt(mean)).
-What is not defined (the spread of one run, the mean of none) is None, an empty cell.
+A sound run in which a metric is not defined (a share of no steps) is left out of that metric. What is not defined at
+all (the spread of one run, the mean of none) is None, an empty cell.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ QUANTILES = {"median": 0.5, "q05": 0.05, "q95": 0.95}
 
 def summarise(values: Array, failed: Array, root: bool = False) -> Row:
     """mean, se, sd, median, q05 and q95 of one metric; values and failed (M,)."""
+    defined = failed | ~np.isnan(values)
+    values, failed = values[defined], failed[defined]
     good = values[~failed]
     with np.errstate(over="ignore", invalid="ignore"):
         mean = float(good.mean()) if len(good) else None
