@@ -16,7 +16,7 @@ from rkfbench.claims.checks import checks_of
 from rkfbench.claims.ledger import Row, claim_verdicts, ledger, under_switch
 from rkfbench.claims.plan import Cell, Outline, Outlines, family_problems, outline, own_paper, plan, problems
 from rkfbench.claims.records import COLUMNS, Change, record, stored, verify
-from rkfbench.claims.words import summary
+from rkfbench.claims.words import markdown, summary
 from rkfbench.errors import SpecError, UsageError
 from rkfbench.scenario import Scenario
 from rkfbench.scenario.files import papers
@@ -37,15 +37,18 @@ class Docket:
 
 
 def write_claims(scenario: Scenario, folder: Path) -> list[Row]:
-    """Measure and judge the claims that a results folder decides; writes claims.csv and seals the folder."""
+    """Measure and judge the claims that a results folder decides; writes claims.csv, claims.md and seals the folder."""
     results = Results.open(folder)
-    rows = [
-        row
-        for docket in dockets(scenario, results)
-        for row in ledger(docket.paper, docket.cells, {scenario.name: results}, docket.outlines)
-        if row.cell.form.scenario == scenario.name
-    ]
+    rows: list[Row] = []
+    pages = []
+    for docket in dockets(scenario, results):
+        every = ledger(docket.paper, docket.cells, {scenario.name: results}, docket.outlines)
+        mine = [row for row in every if row.cell.form.scenario == scenario.name]
+        rows += mine
+        title = f"Claims of {docket.name} that {scenario.name} decides"
+        pages.append(markdown(title, claim_verdicts(docket.paper, mine, docket.outlines)))
     files.write_records(folder / CLAIMS, COLUMNS, map(record, rows))
+    files.write(folder / "claims.md", "\n".join(pages))
     manifest.seal(folder)
     return rows
 

@@ -81,3 +81,16 @@ def summary(verdicts: Iterable[ClaimVerdict], reading: str) -> str:
     if apart:
         text += f"; of {apart.total()} reconstructed or our own, {apart['reproduced']} reproduced"
     return text
+
+
+def markdown(title: str, verdicts: Iterable[ClaimVerdict]) -> str:
+    """The ledger as a Markdown table: each claim, its verdict under every reading, and the cell that decides."""
+    lines = [f"# {title}", "", "| claim | the paper says | reading | verdict | decided by |", "|---|---|---|---|---|"]
+    for each in verdicts:
+        says = f"{each.claim.says} ({each.claim.locator})" if each.claim.locator else each.claim.says
+        for reading, verdict in each.verdicts.items():
+            row = each.decisive.get(reading)
+            cells = (each.id, says, reading, verdict, sentence(row) if row else "")
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+            says = ""
+    return "\n".join(lines) + "\n"

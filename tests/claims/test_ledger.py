@@ -12,7 +12,7 @@ from rkfbench.claims.ledger import ClaimVerdict, Row, claim_verdicts, counts, fa
 from rkfbench.claims.plan import Outline, plan
 from rkfbench.claims.records import COLUMNS, KEY, record, stored, verify
 from rkfbench.claims.verdict import judge
-from rkfbench.claims.words import sentence, summary
+from rkfbench.claims.words import markdown, sentence, summary
 from rkfbench.errors import UsageError
 from rkfbench.scenario.paper_schema import Paper
 from tests.claims.fakes import Arrays
@@ -229,3 +229,11 @@ def test_a_stored_win_probability_is_judged_as_one() -> None:
     assert changes == ()
     assert again[0].region == first[0].region == replace(first[0].region, low=0.5)
     assert records.record(again[0]) == record(first[0])
+
+
+def test_the_markdown_ledger_has_a_row_for_each_claim_and_reading_and_no_broken_cell() -> None:
+    found = verdicts().values()
+    lines = markdown("Ledger", found).splitlines()
+    assert len(lines) == 4 + sum(len(each.verdicts) for each in found)
+    assert {line.replace("\\|", "").count("|") for line in lines[2:]} == {6}
+    assert all(each.id in "\n".join(lines) for each in found)
