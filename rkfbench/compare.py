@@ -103,9 +103,14 @@ def _close(first: Row, second: Row, tolerance: float) -> bool:
 
 
 def _equal(x: Any, y: Any, tolerance: float) -> bool:
-    if x is None or y is None:
-        return x is y
-    return x == y or (x != x and y != y) or math.isclose(x, y, rel_tol=tolerance)
+    if _undefined(x) or _undefined(y):
+        return _undefined(x) and _undefined(y)
+    return x == y or math.isclose(x, y, rel_tol=tolerance)
+
+
+def _undefined(x: Any) -> bool:
+    """An empty cell or a NaN."""
+    return x is None or x != x
 
 
 def _z(a: Results, b: Results, key: Key, first: Row, second: Row) -> float:
@@ -117,8 +122,8 @@ def _z(a: Results, b: Results, key: Key, first: Row, second: Row) -> float:
         difference = difference[np.isfinite(difference)]
         if len(difference) > 1:
             return _ratio(float(difference.mean()), float(difference.std(ddof=1)) / math.sqrt(len(difference)))
-    if first["mean"] is None or second["mean"] is None:
-        return 0.0 if first["mean"] is second["mean"] else math.inf
+    if _undefined(first["mean"]) or _undefined(second["mean"]):
+        return math.inf  # where both are, no row is tested
     return _ratio(first["mean"] - second["mean"], _pooled_se(first, second))
 
 
