@@ -18,15 +18,18 @@ from typing import TYPE_CHECKING, Any
 
 from rkfbench.errors import RkfbenchError, UsageError
 from rkfbench.store import blocks, files, manifest
+from rkfbench.store.blocks import Part
 from rkfbench.store.lock import locked
 from rkfbench.study import plan
 from rkfbench.study.engines import Engine, serial
 from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report
-from rkfbench.study.jobs import Done, Job
+from rkfbench.study.packing import packed
 from rkfbench.study.plan import Stored, Unit
 
 if TYPE_CHECKING:
     from rkfbench.scenario import Scenario
+
+LONG = 1.0  # seconds of computing: such a part is written before its block is complete
 
 # What is made from the tables of a study, and so is out of date when they change.
 DERIVED = ("claims.csv", "claims.md", "tables", "figures", "report.md", "report.html")
@@ -103,34 +106,62 @@ def reserved(folder: Path, name: str) -> Iterator[None]:
 def _compute(
     wanted: Sequence[tuple[Unit, Stored]], scenario: Scenario, engine: Engine, report: Report
 ) -> Iterator[Failure]:
-    """Get the missing parts through the engine; each block is written as it arrives."""
-    jobs = [
-        Job(index, unit.cell.spec, scenario.seed, unit.block, scenario.runs, was.missing)
-        for index, (unit, was) in enumerate(wanted)
-    ]
+    """Get the missing parts through the engine. A block is written as soon as it is complete; what took long to
+    compute, at once.
+    """
     open_blocks: dict[str, int] = {}
     for unit, _ in wanted:
         open_blocks[plan.name(unit.cell)] = open_blocks.get(plan.name(unit.cell), 0) + 1
-    for done in engine(jobs) if jobs else ():
-        unit, was = wanted[done.index]
-        case = plan.name(unit.cell)
-        _keep(unit, was, done)
-        for label, fault in done.faults.items():
-            failure = Failure(case, label, unit.block, fault.message, fault.traceback)
-            report(failure)
-            yield failure
-        report(BlockDone(case, unit.block, unit.last - unit.first))
-        open_blocks[case] -= 1
-        if not open_blocks[case]:
-            report(CaseDone(case, scenario.runs, len(unit.labels)))
+    drafts = {i: _Draft(unit, was) for i, (unit, was) in enumerate(wanted)}
+    jobs = packed([(unit, was.missing) for unit, was in wanted], scenario.seed, scenario.runs)
+    try:
+        for done in engine(jobs) if jobs else ():
+            for (i, label), part in done.parts.items():
+                drafts[i].add(label, part)
+            for (i, label), fault in done.faults.items():
+                unit = drafts[i].unit
+                drafts[i].add(label, None)
+                failure = Failure(plan.name(unit.cell), label, unit.block, fault.message, fault.traceback)
+                report(failure)
+                yield failure
+            for i in dict.fromkeys(i for i, _ in done.places):
+                draft = drafts[i]
+                if not draft.missing or done.seconds > LONG:
+                    draft.write()
+                if not draft.missing:
+                    del drafts[i]
+                    case = plan.name(draft.unit.cell)
+                    report(BlockDone(case, draft.unit.block, draft.unit.last - draft.unit.first))
+                    open_blocks[case] -= 1
+                    if not open_blocks[case]:
+                        report(CaseDone(case, scenario.runs, len(draft.unit.labels)))
+    finally:
+        for draft in drafts.values():
+            draft.write()
 
 
-def _keep(unit: Unit, was: Stored, done: Done) -> None:
-    """Write the new parts of a block beside those of the old ones that are still good."""
-    parts = blocks.read(unit.path, set(was.usable)) if was.usable else {}
-    parts |= done.parts
-    if parts:
-        blocks.write(unit.path, {label: (unit.keys[label], part) for label, part in parts.items()})
+class _Draft:
+    """A block on its way: parts arrive in any order and from several jobs."""
+
+    def __init__(self, unit: Unit, was: Stored) -> None:
+        self.unit = unit
+        self.missing = set(was.missing)
+        self._good = set(was.usable)  # what its file holds
+        self._new: dict[str, Part] = {}
+
+    def add(self, label: str, part: Part | None) -> None:
+        """A part that has arrived; None: there will be none."""
+        self.missing.discard(label)
+        if part is not None:
+            self._new[label] = part
+
+    def write(self) -> None:
+        """Write the new parts beside those of the file that are good."""
+        if self._new:
+            parts = (blocks.read(self.unit.path, self._good) if self._good else {}) | self._new
+            blocks.write(self.unit.path, {label: (self.unit.keys[label], part) for label, part in parts.items()})
+            self._good |= self._new.keys()
+            self._new = {}
 
 
 def _write_tables(
