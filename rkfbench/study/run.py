@@ -10,7 +10,7 @@ import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -19,15 +19,17 @@ from typing import TYPE_CHECKING, Any
 from rkfbench.errors import RkfbenchError, UsageError
 from rkfbench.store import blocks, files, manifest
 from rkfbench.store.blocks import Part
-from rkfbench.store.lock import locked
+from rkfbench.store.lock import locked, shared
 from rkfbench.study import plan
 from rkfbench.study.engines import Engine, serial
-from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report
+from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report, Stopped
 from rkfbench.study.packing import packed
 from rkfbench.study.plan import Stored, Unit
 
 if TYPE_CHECKING:
     from rkfbench.scenario import Scenario
+    from rkfbench.study.precision import Goal, Settled
+    from rkfbench.study.shards import Shard
 
 LONG = 1.0  # seconds of computing: such a part is written before its block is complete
 
@@ -45,6 +47,8 @@ class Outcome:
     changed: bool
     failures: tuple[Failure, ...]
     seconds: float
+    runs: int
+    open: int = 0  # after a shard: blocks of the study that nobody has finished yet
 
 
 def run_study(
@@ -56,14 +60,16 @@ def run_study(
     engine: Engine = serial,
     report: Report = lambda event: None,
     facts: Mapping[str, Any] | None = None,
+    goal: Goal | None = None,
 ) -> Outcome:
     """Bring the numbers in `folder` up to date with `scenario`.
 
     full: extras and sensitivity too. fresh: compute everything anew. facts: more entries for the manifest (argv).
+    goal: as many runs as it takes, in the place of the scenario's number.
     Raises UsageError when the folder is in use by another run, holds something else, or cannot be written.
     """
     with reserved(folder, scenario.name):
-        return update(scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts)
+        return update(scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts, goal=goal)
 
 
 def update(
@@ -75,24 +81,48 @@ def update(
     engine: Engine = serial,
     report: Report = lambda event: None,
     facts: Mapping[str, Any] | None = None,
+    goal: Goal | None = None,
 ) -> Outcome:
     """The same in a folder that is `reserved`."""
     begin, started = time.perf_counter(), _now()
     if fresh:
         _remove(folder / manifest.BLOCKS)
-    units = list(plan.units(scenario, folder, full))
-    stored = [plan.look_up(unit) for unit in units]
-    wanted = [(unit, was) for unit, was in zip(units, stored, strict=True) if was.missing]
-    report(Planned(len({id(unit.cell) for unit in units}), len(units), len(wanted)))
-    for reason in dict.fromkeys(was.reason for _, was in wanted if was.reason):
-        cases = dict.fromkeys(plan.name(unit.cell) for unit, was in wanted if was.reason == reason)
-        report(Recomputing(tuple(cases), reason))
-
-    failures = tuple(_compute(wanted, scenario, engine, report))
+    settled = None
+    if goal is None:
+        units, computed, failures = _bring(scenario, folder, full, engine, report)
+    else:
+        scenario, settled, units, computed, failures = _until_precise(scenario, folder, full, engine, report, goal)
     seconds = time.perf_counter() - begin
     times = {"started": started, "seconds": round(seconds, 3)}
-    changed = _write_tables(folder, scenario, units, failures, full, {**(facts or {}), **times})
-    return Outcome(folder, len(wanted), len(units) - len(wanted), changed, failures, seconds)
+    more = {**(facts or {}), **times, "precision": settled and settled.facts()}
+    changed = _write_tables(folder, scenario, units, failures, full, more)
+    return Outcome(folder, computed, len(units) - computed, changed, failures, seconds, scenario.runs)
+
+
+def compute_shard(
+    scenario: Scenario,
+    folder: Path,
+    shard: Shard,
+    *,
+    full: bool = False,
+    engine: Engine = serial,
+    report: Report = lambda event: None,
+) -> Outcome:
+    """Compute the blocks of one shard, beside others that do the same with theirs; no table is written."""
+    _refuse_foreign(folder, scenario.name)
+    with shared(folder):
+        begin = time.perf_counter()
+        units = list(plan.units(scenario, folder, full))
+        own = [unit for i, unit in enumerate(units) if shard.has(i)]
+        computed, failures = _compute_missing(own, scenario, engine, _but_cases(report))
+        left = sum(not unit.path.exists() for unit in units)
+        seconds = time.perf_counter() - begin
+    return Outcome(folder, computed, len(own) - computed, False, failures, seconds, scenario.runs, left)
+
+
+def _but_cases(report: Report) -> Report:
+    """A shard finishes blocks, but no case."""
+    return lambda event: None if isinstance(event, CaseDone) else report(event)
 
 
 @contextmanager
@@ -101,6 +131,50 @@ def reserved(folder: Path, name: str) -> Iterator[None]:
     _refuse_foreign(folder, name)
     with locked(folder):
         yield
+
+
+def _bring(
+    scenario: Scenario, folder: Path, full: bool, engine: Engine, report: Report
+) -> tuple[list[Unit], int, tuple[Failure, ...]]:
+    """All units of a study, how many of them had to be computed, and what failed in them."""
+    units = list(plan.units(scenario, folder, full))
+    return units, *_compute_missing(units, scenario, engine, report)
+
+
+def _until_precise(
+    scenario: Scenario, folder: Path, full: bool, engine: Engine, report: Report, goal: Goal
+) -> tuple[Scenario, Settled | None, list[Unit], int, tuple[Failure, ...]]:
+    """The same with as many runs as the goal takes; the scenario with that number, and where it was found."""
+    from rkfbench.study.blocks import block_size
+    from rkfbench.study.precision import Search
+
+    search = Search(goal, max(block_size(cell.spec["steps"]) for cell in plan.cells(scenario, full)))
+    computed = 0
+    while True:
+        runs = search.ahead() if search.settled is None else search.settled.runs
+        resolved = {**scenario.resolved, "runs": {"paper": runs, "reference": runs}}
+        scenario = replace(scenario, runs=runs, resolved=resolved)
+        units, more, failures = _bring(scenario, folder, full, engine, report)
+        computed += more
+        if failures:
+            return scenario, None, units, computed, failures
+        search.look(units, runs)
+        if search.settled is not None and search.settled.runs == runs:
+            report(Stopped(str(search.settled)))
+            return scenario, search.settled, units, computed, ()
+
+
+def _compute_missing(
+    units: Sequence[Unit], scenario: Scenario, engine: Engine, report: Report
+) -> tuple[int, tuple[Failure, ...]]:
+    """Compute what the folder does not hold of these units: how many these were, and what failed."""
+    stored = [plan.look_up(unit) for unit in units]
+    wanted = [(unit, was) for unit, was in zip(units, stored, strict=True) if was.missing]
+    report(Planned(len({id(unit.cell) for unit in units}), len(units), len(wanted)))
+    for reason in dict.fromkeys(was.reason for _, was in wanted if was.reason):
+        cases = dict.fromkeys(plan.name(unit.cell) for unit, was in wanted if was.reason == reason)
+        report(Recomputing(tuple(cases), reason))
+    return len(wanted), tuple(_compute(wanted, scenario, engine, report))
 
 
 def _compute(
@@ -183,7 +257,8 @@ def _write_tables(
         labels = tuple(label for label in of_cell[0].labels if (plan.name(cell), label) not in missing)
         finished.append(outputs.Finished(cell, of_cell, labels))
     parts = [[unit.keys[label] for label in unit.labels] for unit in units]
-    hashes = {"plan": plan.digest([scenario.resolved, parts, sorted(missing)]), "code": plan.code_hash()}
+    made_from = [scenario.resolved, parts, sorted(missing), facts["precision"]]
+    hashes = {"plan": plan.digest(made_from), "code": plan.code_hash()}
     if _up_to_date(folder, hashes):
         return False
     for name in DERIVED:  # they speak of the old numbers

@@ -115,7 +115,10 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Compute:
         )
 
     compute = Compute()
-    for name, content in {"compute": {"together": compute.together}, "blocks": {"block_size": lambda steps: BLOCK}}.items():
+    for name, content in {
+        "compute": {"together": compute.together},
+        "blocks": {"block_size": lambda steps: BLOCK},
+    }.items():
         monkeypatch.setitem(sys.modules, f"rkfbench.study.{name}", SimpleNamespace(**content))
     monkeypatch.setattr(rkfbench.metrics, "get", metric, raising=False)
     return compute
