@@ -124,6 +124,13 @@ class Experiment:
 
     def simulate(self, streams: Streams) -> World:
         """Truth and measurements of the runs of the streams: x_k = f(x_{k-1}) + w_k, y_k = h(x_k) + v_k, k = 1..T."""
+        x, x0, w, v = self.drawn(streams)
+        return World(*self.follow(x, w.value, v.value), x0, w, v)
+
+    def drawn(self, streams: Streams) -> tuple[Array, Array, Sample, Sample]:
+        """All that chance decides of the runs: true start and filters' start (n, M), noise of process and
+        measurement.
+        """
         mean, L = self.start
         x = np.repeat(mean[:, None], streams.runs, axis=1)
         if L is not None:
@@ -133,14 +140,18 @@ class Experiment:
             x0 = x0 + factor(self.told.P0) @ streams.normal("estimate", len(mean))
         w = self._noise("process", self.process, streams, self.model.states)
         v = self._noise("measurement", self.measurement, streams, self.model.measurements)
+        return x, x0, w, v
+
+    def follow(self, x: Array, w: Array, v: Array) -> tuple[Array, Array]:
+        """States (T, n, M) and measurements (T, m, M) from a start x (n, M) and the values of the noise."""
         script = None if self.script is None else self.script.states(self.steps)
-        X, y = np.empty_like(w.value), np.empty_like(v.value)
+        X, y = np.empty_like(w), np.empty_like(v)
         with np.errstate(all="ignore"):
             for k in range(1, self.steps + 1):
                 x = self.model.f(x, k) if script is None else script[k - 1][:, None]
-                x = X[k - 1] = x + w.value[k - 1]
-                y[k - 1] = self.model.h(x, k) + v.value[k - 1]
-        return World(X, y, x0, w, v)
+                x = X[k - 1] = x + w[k - 1]
+                y[k - 1] = self.model.h(x, k) + v[k - 1]
+        return X, y
 
     def _noise(self, channel: str, law: Law, streams: Streams, names: tuple[str, ...]) -> Sample:
         """Noise of one channel with the disturbances that enter it."""

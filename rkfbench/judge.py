@@ -7,7 +7,7 @@ makes. The size of a family is that of the whole paper, whatever folders are the
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -43,7 +43,7 @@ def write_claims(scenario: Scenario, folder: Path) -> list[Row]:
     pages = []
     for docket in dockets(scenario, results):
         every = ledger(docket.paper, docket.cells, {scenario.name: results}, docket.outlines)
-        mine = [row for row in every if row.cell.form.scenario == scenario.name]
+        mine = [_noted(row, results) for row in every if row.cell.form.scenario == scenario.name]
         rows += mine
         title = f"Claims of {docket.name} that {scenario.name} decides"
         pages.append(markdown(title, claim_verdicts(docket.paper, mine, docket.outlines)))
@@ -74,11 +74,24 @@ def verified(folder: Path) -> list[Verified]:
         cells = {cell.key for cell in docket.cells}
         mine = [kept.pop(key) for key in list(kept) if key in cells]
         rows, changes = verify(docket.paper, docket.cells, mine, docket.outlines)
-        about = [row for row in rows if row.cell.form.scenario == scenario.name]
+        about = [_noted(row, results) for row in rows if row.cell.form.scenario == scenario.name]
         found.append(Verified(docket, about, [change for change in changes if change.key[4] == scenario.name]))
     if found:
         found[0].changes.extend(Change(line.key, line.verdict, "", None) for line in kept.values())
     return found
+
+
+def _noted(row: Row, results: Results) -> Row:
+    """The row with a remark where the number of runs was found by looking at the numbers: its interval is bent."""
+    if (
+        not results.stopped
+        or row.observed is None
+        or row.observed.measured.law == "exact"
+        or row.cell.family == "timing"
+    ):
+        return row
+    reason = "; ".join(filter(None, (row.judgement.reason, f"runs not fixed beforehand: {results.stopped}")))
+    return replace(row, judgement=replace(row.judgement, reason=reason))
 
 
 def sentences(folders: Sequence[Path]) -> Iterator[tuple[str, str, str]]:

@@ -26,7 +26,10 @@ from rkfbench.study.events import Report
 from rkfbench.study.run import Outcome
 
 if TYPE_CHECKING:
+    from rkfbench.claims.forms import Form
     from rkfbench.scenario import Cell, Scenario
+    from rkfbench.study.precision import Goal
+    from rkfbench.study.shards import Shard
 
 RESULTS = Path("results")
 REFERENCE = RESULTS / "reference"
@@ -52,19 +55,20 @@ def experiment(
     engine: Engine,
     report: Report,
     argv: Sequence[str],
+    goal: Goal | None = None,
 ) -> Outcome:
     """Bring a results folder up to date: its numbers, and what is made of them."""
-    claims = dockets(scenario)  # a claim that cannot be measured is an error before anything is run
-    scenario = replace(scenario, sensitivity=tuple(_sensitive(scenario, claims)))
-    forms = [cell.form for docket in claims for cell in docket.cells if cell.form.scenario == scenario.name]
+    scenario, forms, choices = _measured(scenario, full)
     estimands = [form.estimand for form in forms if form.estimand is not None]
     facts: dict[str, Any] = {"argv": list(argv)}
     if scenario.name not in bundled():
         facts["source"] = scenario.file
     with run.reserved(folder, scenario.name):
-        outcome = run.update(scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts)
-        choices = {tuning.Choice(each.candidates, each.metric) for each in _selections(estimands)}
-        if full and choices and not outcome.failures:
+        outcome = run.update(
+            scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts, goal=goal
+        )
+        scenario = replace(scenario, runs=outcome.runs)
+        if choices and not outcome.failures:
             tuned = tuning.update(scenario, choices, folder, fresh=fresh, engine=engine, report=report)
             outcome = replace(outcome, failures=tuned.failures)
         if not outcome.failures:
@@ -73,6 +77,35 @@ def experiment(
             write_claims(scenario, folder)
             render(folder)
     return outcome
+
+
+def shard_of_experiment(
+    scenario: Scenario, folder: Path, shard: Shard, *, full: bool = False, engine: Engine, report: Report
+) -> Outcome:
+    """One shard of the blocks of `experiment`, tuning runs included; a plain experiment makes the rest of them."""
+    scenario, _, choices = _measured(scenario, full)
+    outcome = run.compute_shard(scenario, folder, shard, full=full, engine=engine, report=report)
+    if not choices or outcome.failures:
+        return outcome
+    study = tuning.study_of(scenario, choices)
+    tuned = run.compute_shard(study, folder / manifest.TUNING, shard, full=True, engine=engine, report=report)
+    return replace(
+        outcome,
+        computed=outcome.computed + tuned.computed,
+        reused=outcome.reused + tuned.reused,
+        failures=tuned.failures,
+        seconds=outcome.seconds + tuned.seconds,
+        open=outcome.open + tuned.open,
+    )
+
+
+def _measured(scenario: Scenario, full: bool) -> tuple[Scenario, list[Form], set[tuning.Choice]]:
+    """The scenario with the sensitivity cells that are run, the forms of its claims, and what is chosen by tuning."""
+    claims = dockets(scenario)  # a claim that cannot be measured is an error before anything is run
+    scenario = replace(scenario, sensitivity=tuple(_sensitive(scenario, claims)))
+    forms = [cell.form for docket in claims for cell in docket.cells if cell.form.scenario == scenario.name]
+    selections = _selections(form.estimand for form in forms if form.estimand is not None)
+    return scenario, forms, {tuning.Choice(each.candidates, each.metric) for each in selections} if full else set()
 
 
 def _sensitive(scenario: Scenario, claims: Sequence[Docket]) -> Iterator[Cell]:

@@ -12,6 +12,7 @@ that differ in a rate or a scale share the coins and normals behind it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -60,6 +61,20 @@ class Streams:
         return np.concatenate(
             [getattr(generator, method)((*shape, GROUP)) for generator in self.generators(purpose)], axis=-1
         )
+
+
+@dataclass(frozen=True)
+class Remembered(Streams):
+    """Streams that draw once what several cases ask for; nobody may write into it."""
+
+    _drawn: dict[tuple[Any, ...], Array] = field(default_factory=dict, repr=False)
+
+    def _draw(self, purpose: str, method: str, shape: tuple[int, ...]) -> Array:
+        key = self.scope, purpose, method, shape
+        if key not in self._drawn:
+            self._drawn[key] = super()._draw(purpose, method, shape)
+            self._drawn[key].flags.writeable = False
+        return self._drawn[key]
 
 
 @dataclass(frozen=True)

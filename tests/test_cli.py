@@ -135,14 +135,14 @@ def test_an_unexpected_exception_is_one_line_and_shows_its_place_with_v(
 def test_a_filter_that_raises_is_named_and_ends_with_exit_code_1(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import rkfbench.study.compute as module
 
-    compute = module.compute
+    together = module.together
 
-    def broken(spec: Any, seed: int, block: int, runs: int, labels: Any) -> Any:
+    def broken(specs: Any, seed: int, block: int, runs: int, labels: Any) -> Any:
         if "hkf" in labels:
             raise ValueError("no such root")
-        return compute(spec, seed, block, runs, labels)
+        return together(specs, seed, block, runs, labels)
 
-    monkeypatch.setattr(module, "compute", broken)
+    monkeypatch.setattr(module, "together", broken)
     result = rkfbench("run", small)
     assert result.exit_code == 1
     assert "small: case rate=0.4 (default), filter hkf, block 0: ValueError: no such root" in result.stderr

@@ -30,6 +30,22 @@ Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all ran
 Full = Annotated[bool, typer.Option("--full", help="Also extras and the sensitivity study.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Compute everything anew.")]
 Jobs = Annotated[int | None, typer.Option("--jobs", min=1, help="Processes (default: all cores when it pays).")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler; 'local' starts one here with --jobs workers."),
+]
+Precision = Annotated[
+    list[str],
+    typer.Option(
+        "--precision",
+        metavar="[METRIC=]NUMBER",
+        help="Run until the relative standard error is that small in all cases (default metric: the score).",
+    ),
+]
+MaxRuns = Annotated[int | None, typer.Option("--max-runs", min=1, help="Where --precision gives up (100000).")]
+ShardOf = Annotated[
+    str | None, typer.Option("--shard", metavar="I/N", help="Compute one part of the blocks only; a plain run merges.")
+]
 Out = Annotated[Path | None, typer.Option("--out", help="Folder for the results (default: results/SCENARIO).")]
 
 
@@ -57,6 +73,10 @@ def run(
     full: Full = False,
     fresh: Fresh = False,
     jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    shard: ShardOf = None,
+    precision: Precision = [],
+    max_runs: MaxRuns = None,
 ) -> None:
     """Run scenarios: numbers, claims, tables and figures, in results/SCENARIO.
 
@@ -65,14 +85,26 @@ def run(
     from rkfbench.reproduce import folder_of
     from rkfbench.scenario import load
 
-    numbers = {"runs": runs, "seed": seed}
+    _check_together(runs=runs, fresh=fresh, shard=shard, precision=precision, max_runs=max_runs)
+    numbers = {"runs": runs, "seed": seed, "max-runs": max_runs}
     overrides = [*sets, *sweeps, *(f"{name}={value}" for name, value in numbers.items() if value is not None)]
+    overrides += [f"precision={each}" for each in precision]
     outcomes = []
     for scenario in [load(each, sets=sets, sweeps=sweeps, runs=runs, seed=seed) for each in scenarios]:
         folder = folder_of(scenario, overrides)
         if out is not None:
             folder = out if len(scenarios) == 1 else out / scenario.name
-        outcomes.append(_experiment(terminal, scenario, folder, full=full, fresh=fresh, jobs=jobs))
+        if shard is not None:
+            outcomes.append(_shard(terminal, scenario, folder, shard, full=full, jobs=jobs, scheduler=scheduler))
+            continue
+        goal = None
+        if precision:
+            from rkfbench.study.precision import Goal
+
+            goal = Goal.of(precision, max_runs, scenario)
+        outcomes.append(
+            _experiment(terminal, scenario, folder, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goal=goal)
+        )
     if terminal.json:
         terminal.object([_as_data(outcome) for outcome in outcomes])
     else:
@@ -158,15 +190,69 @@ def validate(terminal: Terminal, scenarios: Scenarios, sets: Sets = [], sweeps: 
         raise typer.Exit(UsageError.exit_code)
 
 
-def _experiment(terminal: Terminal, scenario: Any, folder: Path, *, full: bool, fresh: bool, jobs: int | None) -> Any:
+def _check_together(
+    *, runs: int | None, fresh: bool, shard: str | None, precision: list[str], max_runs: int | None
+) -> None:
+    """UsageError for options that exclude each other."""
+    from rkfbench.errors import UsageError
+
+    if precision and runs is not None:
+        raise UsageError("--precision finds the number of runs: leave out --runs (--max-runs sets a limit)")
+    if max_runs is not None and not precision:
+        raise UsageError("--max-runs is the limit of --precision: for a fixed number write --runs")
+    if shard is not None and precision:
+        raise UsageError("--shard cannot go with --precision, which looks at all blocks")
+    if shard is not None and fresh:
+        raise UsageError("--shard cannot go with --fresh, which would remove the blocks of other shards")
+
+
+def _experiment(
+    terminal: Terminal,
+    scenario: Any,
+    folder: Path,
+    *,
+    full: bool,
+    fresh: bool,
+    jobs: int | None,
+    scheduler: str | None = None,
+    goal: Any = None,
+) -> Any:
     """One experiment under the eyes of the user."""
     from rkfbench.reproduce import experiment
     from rkfbench.study.engines import engine
 
-    argv = ["rkfbench", *sys.argv[1:]]
+    how, argv = engine(jobs, scheduler), ["rkfbench", *sys.argv[1:]]
     with terminal.progress(scenario.name) as listen:
-        outcome = experiment(scenario, folder, full=full, fresh=fresh, engine=engine(jobs), report=listen, argv=argv)
+        outcome = experiment(scenario, folder, full=full, fresh=fresh, engine=how, report=listen, argv=argv, goal=goal)
     terminal.note(_summary(scenario.name, outcome))
+    return outcome
+
+
+def _shard(
+    terminal: Terminal,
+    scenario: Any,
+    folder: Path,
+    text: str,
+    *,
+    full: bool,
+    jobs: int | None,
+    scheduler: str | None,
+) -> Any:
+    """One shard of an experiment, and what is still to be done; on one core unless told otherwise."""
+    from rkfbench.reproduce import shard_of_experiment
+    from rkfbench.study.engines import engine
+    from rkfbench.study.shards import Shard
+
+    shard, how = Shard.of(text), engine(jobs or 1, scheduler)
+    with terminal.progress(scenario.name) as listen:
+        outcome = shard_of_experiment(scenario, folder, shard, full=full, engine=how, report=listen)
+    done = f"{scenario.name}: shard {shard}: {outcome.computed} blocks computed, {outcome.reused} were there"
+    left = (
+        f"{outcome.open} blocks of the study are still to be computed by other shards; then"
+        if outcome.open
+        else "all blocks of the study are there:"
+    )
+    terminal.note(f"{done}; {left} the same command without --shard makes the tables")
     return outcome
 
 

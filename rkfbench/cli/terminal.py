@@ -68,6 +68,8 @@ class Terminal:
                     case events.Recomputing(cases, reason):
                         which = ", ".join(cases) if len(cases) <= MOST_NAMED else f"{len(cases)} cases"
                         self.note(f"{name}: recomputing {which}: {reason}")
+                    case events.Stopped(text):
+                        self.note(f"{name}: {text}")
                     case events.Failure():
                         self.error(f"{name}: {event}" + (f"\n{event.traceback}" if self.verbose else ""))
                     case _:
@@ -113,7 +115,7 @@ class Terminal:
             def advance(event: Event) -> None:
                 count(event)
                 if isinstance(event, events.Planned):
-                    bar.update(task, total=event.missing)
+                    bar.update(task, total=kept + event.missing)
                 elif isinstance(event, events.BlockDone):
                     bar.update(task, advance=1, case=event.case)
 

@@ -76,6 +76,11 @@ class ScenarioView:
         return [(key, plain(value)) for key, value in facts if key not in skipped and value not in ("", None, [])]
 
     @property
+    def stopped(self) -> str:
+        """Where and why the runs ended, if the numbers themselves decided that."""
+        return self.outcome.results.stopped
+
+    @property
     def command(self) -> str:
         """What was typed to make these results."""
         argv = self.outcome.results.manifest.get("argv") or ["rkfbench", "run", self.name]

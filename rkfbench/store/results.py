@@ -36,6 +36,7 @@ class Results:
         self.scenario: str = content["scenario"]
         self.seed: int = content["seed"]
         self.runs: int = content["runs"]
+        self.stopped: str = (content.get("precision") or {}).get("text", "")  # where --precision stopped, and why
         self.has_runs = "runs.csv" in content["files"]
 
     @classmethod

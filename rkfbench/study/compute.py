@@ -6,7 +6,7 @@ on how many those are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rkfbench import metrics
-from rkfbench.experiment import Experiment, World
+from rkfbench.experiment import Experiment
 from rkfbench.filters import Estimate
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric, Trial
-from rkfbench.streams import GROUP, Streams
+from rkfbench.streams import GROUP, Remembered, Streams
 from rkfbench.study.blocks import block_size
+from rkfbench.study.wide import Case, estimates, worlds
 
 
 @dataclass(frozen=True)
@@ -43,25 +44,68 @@ class BlockResult:
 
 def compute(spec: Mapping[str, Any], seed: int, block: int, runs: int, labels: Sequence[str]) -> BlockResult:
     """Filters `labels` on block number `block` of a study of `runs` runs of the cell that `spec` describes."""
-    experiment = Experiment.of(spec)
-    size = block_size(experiment.steps)
-    first, last = block * size, min((block + 1) * size, runs)
-    streams = Streams(seed, first // GROUP, -(-(last - first) // GROUP))
-    world = experiment.simulate(streams)
-    partners = _partners(experiment, labels)
-    held = {label: _estimate(experiment, world, streams, label, keep) for label, keep in partners.items()}
-    hosts = _hosts(experiment, [label for label in labels if label not in held])
-    passed: dict[str, Estimate | None] = {}
-    results = {}
-    for label in sorted(labels, key=lambda label: label in hosts):  # a filter after the smoother that runs it anyhow
-        wanted = _wanted(experiment, label)
-        keep = _keep(wanted) | (frozenset({"passed"}) if label in hosts.values() else frozenset())
-        estimate = (
-            held.get(label) or passed.get(hosts.get(label, "")) or _estimate(experiment, world, streams, label, keep)
-        )
-        passed[label] = estimate.passed
-        results[label] = _reduce(experiment, world, label, estimate, wanted, held, last - first)
+    results = {label: result for label, (result,) in together([spec], seed, block, runs, labels)}
+    first, last = _runs_of(spec["steps"], block, runs)
     return BlockResult(first, last, {label: results[label] for label in labels})
+
+
+def together(
+    specs: Sequence[Mapping[str, Any]], seed: int, block: int, runs: int, labels: Sequence[str]
+) -> Iterator[tuple[str, list[FilterResult]]]:
+    """The same for several cells that have `wide.structure` in common: filter after filter its result in every cell.
+
+    The cells share what is drawn, and go through a filter as one batch where that changes no bit.
+    """
+    experiments = [Experiment.of(spec) for spec in specs]
+    experiment = experiments[0]
+    first, last = _runs_of(experiment.steps, block, runs)
+    groups = first // GROUP, -(-(last - first) // GROUP)
+    streams = Streams(seed, *groups) if len(specs) == 1 else Remembered(seed, *groups)
+    cases = worlds(experiments, streams)
+    partners = _partners(experiment, labels)
+    held = {label: estimates(cases, streams, label, keep) for label, keep in partners.items()}
+    hosts = _hosts(experiment, [label for label in labels if label not in held])
+    passed: dict[str, list[Estimate | None]] = {}
+    for label in sorted(labels, key=lambda label: label in hosts):  # a filter after the smoother that runs it anyhow
+        found: Sequence[Estimate | None] | None = held.get(label) or passed.get(hosts.get(label, ""))
+        if found is None:
+            keep = _keep(_wanted(experiment, label)) | ({"passed"} if label in hosts.values() else frozenset())
+            found = estimates(cases, streams, label, keep)
+        results = []
+        for i, (case, estimate) in enumerate(zip(cases, found, strict=True)):
+            assert estimate is not None  # a host keeps what passes through it
+            others = {partner: of_cases[i] for partner, of_cases in held.items()}
+            results.append(_reduce(case, label, estimate, others, last - first))
+        passed[label] = [None if each is None else each.passed for each in found]
+        yield label, results
+
+
+def sharing(spec: Mapping[str, Any], labels: Sequence[str], partners: bool = True) -> list[tuple[str, ...]]:
+    """The filters `labels` in groups that share work: a smoother with the filter that it runs on its way and, with
+    `partners`, filters with those that their metrics compare them with.
+    """
+    experiment = Experiment.of(spec)
+    compared = _partners(experiment, labels)
+    pairs = list(_hosts(experiment, [label for label in labels if label not in compared]).items())
+    if partners:
+        pairs += [
+            (label, partner)
+            for label in labels
+            for metric in _wanted(experiment, label)
+            for partner in metric.quantity.partners
+            if partner in labels
+        ]
+    group = {label: {label} for label in labels}
+    for one, other in pairs:
+        merged = group[one] | group[other]
+        group |= dict.fromkeys(merged, merged)
+    return list(dict.fromkeys(tuple(each for each in labels if each in group[label]) for label in labels))
+
+
+def _runs_of(steps: int, block: int, runs: int) -> tuple[int, int]:
+    """The first run of a block, and the one behind its last."""
+    size = block_size(steps)
+    return block * size, min((block + 1) * size, runs)
 
 
 def _hosts(experiment: Experiment, labels: Sequence[str]) -> dict[str, str]:
@@ -102,32 +146,10 @@ def _partners(experiment: Experiment, labels: Sequence[str]) -> dict[str, frozen
     return needed
 
 
-def _estimate(experiment: Experiment, world: World, streams: Streams, label: str, keep: frozenset[str]) -> Estimate:
-    filt, told = experiment.filters[label]
-    x0 = world.x0 if told.mean is experiment.told.mean or np.array_equal(told.mean, experiment.told.mean) else told.mean
-    return filt.run(
-        experiment.assumed_model,
-        world.y,
-        x0,
-        told.P0,
-        Q=told.Q,
-        R=told.R,
-        keep=keep,
-        known=world.known,
-        streams=streams.within("filter"),
-    )
-
-
-def _reduce(
-    experiment: Experiment,
-    world: World,
-    label: str,
-    estimate: Estimate,
-    wanted: Sequence[Metric],
-    held: Mapping[str, Estimate],
-    runs: int,
-) -> FilterResult:
-    trial = Trial(experiment, world, experiment.filters[label][0], estimate, held)
+def _reduce(case: Case, label: str, estimate: Estimate, others: Mapping[str, Estimate], runs: int) -> FilterResult:
+    experiment, world = case
+    wanted = _wanted(experiment, label)
+    trial = Trial(experiment, world, experiment.filters[label][0], estimate, others)
     lost = np.zeros(len(estimate.failed), dtype=bool)
     if experiment.lost is not None:
         with np.errstate(all="ignore"):  # a smoother of one point is lost where its filter is, at that point

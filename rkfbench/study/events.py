@@ -55,5 +55,12 @@ class Failure:
         return f"case {self.case}, filter {self.filter}, block {self.block}: {self.message}"
 
 
-Event = Planned | Recomputing | BlockDone | CaseDone | Failure
+@dataclass(frozen=True)
+class Stopped:
+    """The number of runs that was looked for is found, and why it is this."""
+
+    text: str
+
+
+Event = Planned | Recomputing | BlockDone | CaseDone | Failure | Stopped
 Report = Callable[[Event], None]

@@ -1,4 +1,4 @@
-"""One piece of work of a study: some filters on one block of runs of one case, from plain data to small arrays.
+"""One piece of work of a study: some filters on one block of runs of some cases, from plain data to small arrays.
 
 A job travels to another process or machine as it is, and what comes back is small: numbers per run, and curves already
 reduced to their moments. A filter that raises takes no other filter with it.
@@ -6,24 +6,47 @@ reduced to their moments. A filter that raises takes no other filter with it.
 
 from __future__ import annotations
 
+import time
 import traceback
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from rkfbench.store.blocks import Array, Curve, Part
+
+if TYPE_CHECKING:
+    from rkfbench.study.compute import FilterResult
+
+Place = tuple[int, str]  # number of a case's unit, as whoever made the job counts them, and label of a filter
 
 
 @dataclass(frozen=True)
 class Job:
-    """Filters `labels` on block `block` of the `runs` runs of the case that `spec` describes (plain data)."""
+    """Filters `labels` on block `block` of the `runs` runs of the cases that `specs` describes (plain data).
 
-    index: int
-    spec: Mapping[str, Any]
+    Cases of one job have `wide.structure` in common. `units` are their numbers.
+    """
+
+    units: tuple[int, ...]
+    specs: tuple[Mapping[str, Any], ...]
     seed: int
     block: int
     runs: int
     labels: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """How many parts it makes: filters times cases."""
+        return len(self.units) * len(self.labels)
+
+    def of_labels(self, *labels: str) -> Job:
+        """The same with fewer filters."""
+        return replace(self, labels=labels)
+
+    def cases(self) -> Iterator[Job]:
+        """Each of its cases alone."""
+        for unit, spec in zip(self.units, self.specs, strict=True):
+            yield replace(self, units=(unit,), specs=(spec,))
 
 
 @dataclass(frozen=True)
@@ -36,44 +59,65 @@ class Fault:
 
 @dataclass(frozen=True)
 class Done:
-    """What became of a job: for each label a part or a fault."""
+    """What became of a job, or of one of its filters: for each place a part or a fault. And the seconds it took."""
 
-    index: int
-    parts: Mapping[str, Part]
-    faults: Mapping[str, Fault]
+    parts: Mapping[Place, Part]
+    faults: Mapping[Place, Fault]
+    seconds: float = 0.0
+
+    @property
+    def places(self) -> list[Place]:
+        return [*self.parts, *self.faults]
 
 
 def work(job: Job) -> Done:
-    """Compute a job. When it raises, its filters are taken one by one, to keep those that do work."""
+    """Compute a job."""
+    begin = time.perf_counter()
+    every = list(stream(job))
+    parts = {place: part for done in every for place, part in done.parts.items()}
+    faults = {place: fault for done in every for place, fault in done.faults.items()}
+    return Done(parts, faults, time.perf_counter() - begin)
+
+
+def stream(job: Job) -> Iterator[Done]:
+    """Compute a job, one filter in all its cases after the other.
+
+    When one raises, what is left is taken one filter of one case at a time, to keep those that do work.
+    """
+    left = list(job.labels)
+    begin = time.perf_counter()
     try:
-        return Done(job.index, _compute(job, job.labels), {})
+        for label, parts in _parts(job):
+            left.remove(label)
+            now = time.perf_counter()
+            yield Done({(unit, label): part for unit, part in zip(job.units, parts, strict=True)}, {}, now - begin)
+            begin = time.perf_counter()
+        return
     except Exception as error:
-        if len(job.labels) == 1:
+        if job.size == 1:
             fault = Fault(f"{type(error).__name__}: {error}", traceback.format_exc())
-            return Done(job.index, {}, {job.labels[0]: fault})
-    parts: dict[str, Part] = {}
-    faults: dict[str, Fault] = {}
-    for label in job.labels:
-        single = work(Job(job.index, job.spec, job.seed, job.block, job.runs, (label,)))
-        parts |= single.parts
-        faults |= single.faults
-    return Done(job.index, parts, faults)
-
-
-def _compute(job: Job, labels: tuple[str, ...]) -> dict[str, Part]:
-    from rkfbench import metrics
-    from rkfbench.study.compute import compute
-
-    def curve(metric: str, paths: Array, failed: Array) -> Curve:
-        return Curve.of(metrics.get(metric).ks(job.spec["steps"])[: len(paths)], paths, failed)
-
-    result = compute(dict(job.spec), job.seed, job.block, job.runs, labels)
-    return {
-        label: Part(
-            each.failed,
-            each.lost,
-            each.values,
-            {metric: curve(metric, paths, each.failed) for metric, paths in each.curves.items()},
+            yield Done({}, {(job.units[0], job.labels[0]): fault}, time.perf_counter() - begin)
+            return
+    for label in left:
+        singles = [work(single) for single in job.of_labels(label).cases()]
+        yield Done(
+            {place: part for done in singles for place, part in done.parts.items()},
+            {place: fault for done in singles for place, fault in done.faults.items()},
+            sum(done.seconds for done in singles),
         )
-        for label, each in result.filters.items()
-    }
+
+
+def _parts(job: Job) -> Iterator[tuple[str, list[Part]]]:
+    """Filter after filter its part in every case."""
+    from rkfbench import metrics
+    from rkfbench.study.compute import together
+
+    def curve(spec: Mapping[str, Any], metric: str, paths: Array, failed: Array) -> Curve:
+        return Curve.of(metrics.get(metric).ks(spec["steps"])[: len(paths)], paths, failed)
+
+    def part(spec: Mapping[str, Any], of: FilterResult) -> Part:
+        curves = {metric: curve(spec, metric, paths, of.failed) for metric, paths in of.curves.items()}
+        return Part(of.failed, of.lost, of.values, curves)
+
+    for label, results in together(job.specs, job.seed, job.block, job.runs, job.labels):
+        yield label, [part(spec, result) for spec, result in zip(job.specs, results, strict=True)]

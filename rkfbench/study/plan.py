@@ -37,7 +37,7 @@ COMPUTE = (
         "models",
         "noise",
     ),
-    *("store/blocks.py", "study/blocks.py", "study/compute.py", "study/jobs.py"),
+    *("store/blocks.py", "study/blocks.py", "study/compute.py", "study/jobs.py", "study/wide.py"),
 )
 
 

@@ -10,7 +10,7 @@ import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -18,15 +18,20 @@ from typing import TYPE_CHECKING, Any
 
 from rkfbench.errors import RkfbenchError, UsageError
 from rkfbench.store import blocks, files, manifest
-from rkfbench.store.lock import locked
+from rkfbench.store.blocks import Part
+from rkfbench.store.lock import locked, shared
 from rkfbench.study import plan
 from rkfbench.study.engines import Engine, serial
-from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report
-from rkfbench.study.jobs import Done, Job
+from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report, Stopped
+from rkfbench.study.packing import packed
 from rkfbench.study.plan import Stored, Unit
 
 if TYPE_CHECKING:
     from rkfbench.scenario import Scenario
+    from rkfbench.study.precision import Goal, Settled
+    from rkfbench.study.shards import Shard
+
+LONG = 1.0  # seconds of computing: such a part is written before its block is complete
 
 # What is made from the tables of a study, and so is out of date when they change.
 DERIVED = ("claims.csv", "claims.md", "tables", "figures", "report.md", "report.html")
@@ -42,6 +47,8 @@ class Outcome:
     changed: bool
     failures: tuple[Failure, ...]
     seconds: float
+    runs: int
+    open: int = 0  # after a shard: blocks of the study that nobody has finished yet
 
 
 def run_study(
@@ -53,14 +60,16 @@ def run_study(
     engine: Engine = serial,
     report: Report = lambda event: None,
     facts: Mapping[str, Any] | None = None,
+    goal: Goal | None = None,
 ) -> Outcome:
     """Bring the numbers in `folder` up to date with `scenario`.
 
     full: extras and sensitivity too. fresh: compute everything anew. facts: more entries for the manifest (argv).
+    goal: as many runs as it takes, in the place of the scenario's number.
     Raises UsageError when the folder is in use by another run, holds something else, or cannot be written.
     """
     with reserved(folder, scenario.name):
-        return update(scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts)
+        return update(scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts, goal=goal)
 
 
 def update(
@@ -72,24 +81,48 @@ def update(
     engine: Engine = serial,
     report: Report = lambda event: None,
     facts: Mapping[str, Any] | None = None,
+    goal: Goal | None = None,
 ) -> Outcome:
     """The same in a folder that is `reserved`."""
     begin, started = time.perf_counter(), _now()
     if fresh:
         _remove(folder / manifest.BLOCKS)
-    units = list(plan.units(scenario, folder, full))
-    stored = [plan.look_up(unit) for unit in units]
-    wanted = [(unit, was) for unit, was in zip(units, stored, strict=True) if was.missing]
-    report(Planned(len({id(unit.cell) for unit in units}), len(units), len(wanted)))
-    for reason in dict.fromkeys(was.reason for _, was in wanted if was.reason):
-        cases = dict.fromkeys(plan.name(unit.cell) for unit, was in wanted if was.reason == reason)
-        report(Recomputing(tuple(cases), reason))
-
-    failures = tuple(_compute(wanted, scenario, engine, report))
+    settled = None
+    if goal is None:
+        units, computed, failures = _bring(scenario, folder, full, engine, report)
+    else:
+        scenario, settled, units, computed, failures = _until_precise(scenario, folder, full, engine, report, goal)
     seconds = time.perf_counter() - begin
     times = {"started": started, "seconds": round(seconds, 3)}
-    changed = _write_tables(folder, scenario, units, failures, full, {**(facts or {}), **times})
-    return Outcome(folder, len(wanted), len(units) - len(wanted), changed, failures, seconds)
+    more = {**(facts or {}), **times, "precision": settled and settled.facts()}
+    changed = _write_tables(folder, scenario, units, failures, full, more)
+    return Outcome(folder, computed, len(units) - computed, changed, failures, seconds, scenario.runs)
+
+
+def compute_shard(
+    scenario: Scenario,
+    folder: Path,
+    shard: Shard,
+    *,
+    full: bool = False,
+    engine: Engine = serial,
+    report: Report = lambda event: None,
+) -> Outcome:
+    """Compute the blocks of one shard, beside others that do the same with theirs; no table is written."""
+    _refuse_foreign(folder, scenario.name)
+    with shared(folder):
+        begin = time.perf_counter()
+        units = list(plan.units(scenario, folder, full))
+        own = [unit for i, unit in enumerate(units) if shard.has(i)]
+        computed, failures = _compute_missing(own, scenario, engine, _but_cases(report))
+        left = sum(not unit.path.exists() for unit in units)
+        seconds = time.perf_counter() - begin
+    return Outcome(folder, computed, len(own) - computed, False, failures, seconds, scenario.runs, left)
+
+
+def _but_cases(report: Report) -> Report:
+    """A shard finishes blocks, but no case."""
+    return lambda event: None if isinstance(event, CaseDone) else report(event)
 
 
 @contextmanager
@@ -100,37 +133,109 @@ def reserved(folder: Path, name: str) -> Iterator[None]:
         yield
 
 
+def _bring(
+    scenario: Scenario, folder: Path, full: bool, engine: Engine, report: Report
+) -> tuple[list[Unit], int, tuple[Failure, ...]]:
+    """All units of a study, how many of them had to be computed, and what failed in them."""
+    units = list(plan.units(scenario, folder, full))
+    return units, *_compute_missing(units, scenario, engine, report)
+
+
+def _until_precise(
+    scenario: Scenario, folder: Path, full: bool, engine: Engine, report: Report, goal: Goal
+) -> tuple[Scenario, Settled | None, list[Unit], int, tuple[Failure, ...]]:
+    """The same with as many runs as the goal takes; the scenario with that number, and where it was found."""
+    from rkfbench.study.blocks import block_size
+    from rkfbench.study.precision import Search
+
+    search = Search(goal, max(block_size(cell.spec["steps"]) for cell in plan.cells(scenario, full)))
+    computed = 0
+    while True:
+        runs = search.ahead() if search.settled is None else search.settled.runs
+        resolved = {**scenario.resolved, "runs": {"paper": runs, "reference": runs}}
+        scenario = replace(scenario, runs=runs, resolved=resolved)
+        units, more, failures = _bring(scenario, folder, full, engine, report)
+        computed += more
+        if failures:
+            return scenario, None, units, computed, failures
+        search.look(units, runs)
+        if search.settled is not None and search.settled.runs == runs:
+            report(Stopped(str(search.settled)))
+            return scenario, search.settled, units, computed, ()
+
+
+def _compute_missing(
+    units: Sequence[Unit], scenario: Scenario, engine: Engine, report: Report
+) -> tuple[int, tuple[Failure, ...]]:
+    """Compute what the folder does not hold of these units: how many these were, and what failed."""
+    stored = [plan.look_up(unit) for unit in units]
+    wanted = [(unit, was) for unit, was in zip(units, stored, strict=True) if was.missing]
+    report(Planned(len({id(unit.cell) for unit in units}), len(units), len(wanted)))
+    for reason in dict.fromkeys(was.reason for _, was in wanted if was.reason):
+        cases = dict.fromkeys(plan.name(unit.cell) for unit, was in wanted if was.reason == reason)
+        report(Recomputing(tuple(cases), reason))
+    return len(wanted), tuple(_compute(wanted, scenario, engine, report))
+
+
 def _compute(
     wanted: Sequence[tuple[Unit, Stored]], scenario: Scenario, engine: Engine, report: Report
 ) -> Iterator[Failure]:
-    """Get the missing parts through the engine; each block is written as it arrives."""
-    jobs = [
-        Job(index, unit.cell.spec, scenario.seed, unit.block, scenario.runs, was.missing)
-        for index, (unit, was) in enumerate(wanted)
-    ]
+    """Get the missing parts through the engine. A block is written as soon as it is complete; what took long to
+    compute, at once.
+    """
     open_blocks: dict[str, int] = {}
     for unit, _ in wanted:
         open_blocks[plan.name(unit.cell)] = open_blocks.get(plan.name(unit.cell), 0) + 1
-    for done in engine(jobs) if jobs else ():
-        unit, was = wanted[done.index]
-        case = plan.name(unit.cell)
-        _keep(unit, was, done)
-        for label, fault in done.faults.items():
-            failure = Failure(case, label, unit.block, fault.message, fault.traceback)
-            report(failure)
-            yield failure
-        report(BlockDone(case, unit.block, unit.last - unit.first))
-        open_blocks[case] -= 1
-        if not open_blocks[case]:
-            report(CaseDone(case, scenario.runs, len(unit.labels)))
+    drafts = {i: _Draft(unit, was) for i, (unit, was) in enumerate(wanted)}
+    jobs = packed([(unit, was.missing) for unit, was in wanted], scenario.seed, scenario.runs)
+    try:
+        for done in engine(jobs) if jobs else ():
+            for (i, label), part in done.parts.items():
+                drafts[i].add(label, part)
+            for (i, label), fault in done.faults.items():
+                unit = drafts[i].unit
+                drafts[i].add(label, None)
+                failure = Failure(plan.name(unit.cell), label, unit.block, fault.message, fault.traceback)
+                report(failure)
+                yield failure
+            for i in dict.fromkeys(i for i, _ in done.places):
+                draft = drafts[i]
+                if not draft.missing or done.seconds > LONG:
+                    draft.write()
+                if not draft.missing:
+                    del drafts[i]
+                    case = plan.name(draft.unit.cell)
+                    report(BlockDone(case, draft.unit.block, draft.unit.last - draft.unit.first))
+                    open_blocks[case] -= 1
+                    if not open_blocks[case]:
+                        report(CaseDone(case, scenario.runs, len(draft.unit.labels)))
+    finally:
+        for draft in drafts.values():
+            draft.write()
 
 
-def _keep(unit: Unit, was: Stored, done: Done) -> None:
-    """Write the new parts of a block beside those of the old ones that are still good."""
-    parts = blocks.read(unit.path, set(was.usable)) if was.usable else {}
-    parts |= done.parts
-    if parts:
-        blocks.write(unit.path, {label: (unit.keys[label], part) for label, part in parts.items()})
+class _Draft:
+    """A block on its way: parts arrive in any order and from several jobs."""
+
+    def __init__(self, unit: Unit, was: Stored) -> None:
+        self.unit = unit
+        self.missing = set(was.missing)
+        self._good = set(was.usable)  # what its file holds
+        self._new: dict[str, Part] = {}
+
+    def add(self, label: str, part: Part | None) -> None:
+        """A part that has arrived; None: there will be none."""
+        self.missing.discard(label)
+        if part is not None:
+            self._new[label] = part
+
+    def write(self) -> None:
+        """Write the new parts beside those of the file that are good."""
+        if self._new:
+            parts = (blocks.read(self.unit.path, self._good) if self._good else {}) | self._new
+            blocks.write(self.unit.path, {label: (self.unit.keys[label], part) for label, part in parts.items()})
+            self._good |= self._new.keys()
+            self._new = {}
 
 
 def _write_tables(
@@ -152,7 +257,8 @@ def _write_tables(
         labels = tuple(label for label in of_cell[0].labels if (plan.name(cell), label) not in missing)
         finished.append(outputs.Finished(cell, of_cell, labels))
     parts = [[unit.keys[label] for label in unit.labels] for unit in units]
-    hashes = {"plan": plan.digest([scenario.resolved, parts, sorted(missing)]), "code": plan.code_hash()}
+    made_from = [scenario.resolved, parts, sorted(missing), facts["precision"]]
+    hashes = {"plan": plan.digest(made_from), "code": plan.code_hash()}
     if _up_to_date(folder, hashes):
         return False
     for name in DERIVED:  # they speak of the old numbers

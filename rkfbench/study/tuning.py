@@ -34,6 +34,12 @@ def update(
     scenario: Scenario, choices: Collection[Choice], folder: Path, *, fresh: bool, engine: Engine, report: Report
 ) -> Outcome:
     """Bring the tuning runs below `folder` up to date."""
+    study = study_of(scenario, choices)
+    return run_study(study, folder / TUNING, full=True, fresh=fresh, engine=engine, report=report)
+
+
+def study_of(scenario: Scenario, choices: Collection[Choice]) -> Scenario:
+    """The study of the tuning runs: the candidates and the metrics of the choices, on a seed of its own."""
     labels = {label for choice in choices for label in choice.candidates}
     metrics = sorted({choice.metric for choice in choices})
 
@@ -42,5 +48,4 @@ def update(
         return replace(cell, spec={**cell.spec, "filters": filters, "metrics": metrics})
 
     cells = tuple(narrowed(cell) for cell in scenario.cells)
-    tuning = replace(scenario, seed=scenario.seed + SEED_STEP, cells=cells, sensitivity=())
-    return run_study(tuning, folder / TUNING, full=True, fresh=fresh, engine=engine, report=report)
+    return replace(scenario, seed=scenario.seed + SEED_STEP, cells=cells, sensitivity=())

@@ -6,7 +6,7 @@ The value of a run is a known function of seed, run, case and filter, so every n
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -76,6 +76,13 @@ class Compute:
         self.calls: list[tuple[float, int, tuple[str, ...]]] = []
         self.broken: set[str] = set()
 
+    def together(
+        self, specs: Sequence[dict[str, Any]], seed: int, block: int, runs: int, labels: Sequence[str]
+    ) -> Iterator[Any]:
+        results = [self(spec, seed, block, runs, labels).filters for spec in specs]
+        for label in labels:
+            yield label, [result[label] for result in results]
+
     def __call__(self, spec: dict[str, Any], seed: int, block: int, runs: int, labels: Sequence[str]) -> Any:
         self.calls.append((spec["rate"], block, tuple(labels)))
         if self.broken & set(labels):
@@ -108,7 +115,10 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Compute:
         )
 
     compute = Compute()
-    for name, content in {"compute": {"compute": compute}, "blocks": {"block_size": lambda steps: BLOCK}}.items():
+    for name, content in {
+        "compute": {"together": compute.together},
+        "blocks": {"block_size": lambda steps: BLOCK},
+    }.items():
         monkeypatch.setitem(sys.modules, f"rkfbench.study.{name}", SimpleNamespace(**content))
     monkeypatch.setattr(rkfbench.metrics, "get", metric, raising=False)
     return compute

@@ -1,0 +1,103 @@
+"""How the work of a study is packed into jobs: cases side by side in one, filters and cases apart where cores wait.
+
+No number depends on it. Few large jobs cost least in total; many small ones keep many cores busy.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from rkfbench.streams import GROUP
+from rkfbench.study import plan
+from rkfbench.study.jobs import Job
+
+if TYPE_CHECKING:
+    from rkfbench.study.plan import Unit
+
+A_WORKER = 4  # jobs for each worker, so that none waits long for the last one
+
+
+def packed(wanted: Sequence[tuple[Unit, tuple[str, ...]]], seed: int, runs: int) -> list[Job]:
+    """Jobs for units with the labels wanted of them: the same block of like cases together, within the memory of one
+    full block.
+    """
+    from rkfbench.study.blocks import block_size
+    from rkfbench.study.wide import structure
+
+    alike: dict[tuple[str, ...], list[int]] = {}
+    structures: dict[int, str] = {}
+    for i, (unit, labels) in enumerate(wanted):
+        spec = unit.cell.spec
+        if id(spec) not in structures:
+            structures[id(spec)] = plan.digest(structure(spec))
+        key = structures[id(spec)], plan.reading(unit.cell), str(unit.block), *labels
+        alike.setdefault(key, []).append(i)
+    jobs = []
+    for units in alike.values():
+        first, labels = wanted[units[0]]
+        width = -(-(first.last - first.first) // GROUP) * GROUP
+        most = max(1, block_size(first.cell.spec["steps"]) // width)
+        for start in range(0, len(units), most):
+            some = tuple(units[start : start + most])
+            specs = tuple(wanted[i][0].cell.spec for i in some)
+            jobs.append(Job(some, specs, seed, first.block, runs, labels))
+    return sorted(jobs, key=lambda job: job.units)
+
+
+def divided(jobs: Sequence[Job], workers: int) -> list[Job]:
+    """The jobs cut into smaller ones until there are enough for `workers`: first between filters that share no work,
+    then between filters that could share some, then between cases.
+    """
+    for cut in (_unrelated, _related, Job.cases):
+        if len(jobs) >= A_WORKER * workers:
+            break
+        jobs = [piece for job in jobs for piece in cut(job)]
+    return list(jobs)
+
+
+def _unrelated(job: Job) -> Iterator[Job]:
+    return _cut(job, partners=True)
+
+
+def _related(job: Job) -> Iterator[Job]:
+    return _cut(job, partners=False)
+
+
+def _cut(job: Job, partners: bool) -> Iterator[Job]:
+    from rkfbench.study.compute import sharing
+    from rkfbench.study.wide import apart
+
+    for labels in sharing(job.specs[0], job.labels, partners):
+        group = job.of_labels(*labels)
+        yield from group.cases() if apart(job.specs[0], labels) else [group]
+
+
+class Agenda:
+    """Which job is next: one of each group of filters, to see what it costs, then the longest first."""
+
+    def __init__(self, jobs: Sequence[Job]) -> None:
+        self._waiting: dict[tuple[str, ...], deque[Job]] = {}
+        for job in jobs:
+            self._waiting.setdefault(job.labels, deque()).append(job)
+        self._begun: set[tuple[str, ...]] = set()
+        self._seconds: dict[tuple[str, ...], float] = {}
+
+    def take(self) -> Job | None:
+        """The next job; None when all are taken."""
+        if not self._waiting:
+            return None
+        labels = max(self._waiting, key=self._urgency)
+        job = self._waiting[labels].popleft()
+        self._begun.add(labels)
+        if not self._waiting[labels]:
+            del self._waiting[labels]
+        return job
+
+    def learn(self, job: Job, seconds: float) -> None:
+        """What a job cost."""
+        self._seconds[job.labels] = seconds
+
+    def _urgency(self, labels: tuple[str, ...]) -> tuple[bool, bool, float]:
+        return labels not in self._begun, labels not in self._seconds, self._seconds.get(labels, 0.0)
