@@ -86,7 +86,8 @@ def lambda_mean() -> Parts:
 
 def share_46(
     steps: Annotated[
-        Literal["all", "outlier", "clean", "worse"], "which steps count; worse: cond(S) above that of `than`"
+        Literal["all", "outlier", "clean", "worse"],
+        "which steps count; worse: cond(S) above that of `than` by more than rounding (1e-9)",
     ] = "all",
     than: Annotated[str, "label of the filter compared with"] = "kf",
 ) -> Parts:
@@ -95,7 +96,9 @@ def share_46(
 
 
 def share_worse_given_46(than: Annotated[str, "label of the filter compared with"] = "kf") -> Parts:
-    """Among the steps at which (46) holds, the share at which cond(S) exceeds that of another filter."""
+    """Among the steps at which (46) holds, the share at which cond(S) exceeds that of another filter by more
+    than rounding (1e-9).
+    """
     return {"quantity": WorseGivenPremise(than), "reduce": "mean_where"}
 
 
