@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal, Protocol
 
 import numpy as np
@@ -146,6 +147,17 @@ class _Runs:
         return all(part.name is not None for p in self.estimand.points for part in (p.metric, p.filter, p.case))
 
     @property
+    def linear(self) -> bool:
+        """Whether it is a sum of numbers times statistics."""
+        parts = (part for p in self.estimand.points for part in (p.metric, p.filter, p.case))
+        return self.estimand.combine in ("value", "difference", "slope") and all(part.degree == 1 for part in parts)
+
+    def _coefficients(self) -> Array:
+        """The number before the statistic of each key, where it is linear."""
+        unit = dict(zip(self.keys, np.eye(len(self.keys)), strict=True))
+        return _combine(self.estimand, [_evaluate(point, lambda *key: unit[key]) for point in self.estimand.points])
+
+    @property
     def indicator(self) -> bool:
         """Whether the values are yes or no, as those of `lost`; a constant 0 or 1 of another metric need not be."""
         drawn = all(metric in ("lost", "failed") for metric, _, _ in self.keys)
@@ -178,6 +190,9 @@ class _Runs:
         estimate, scale = float(combined[0]), _scale(self.estimand, parts, combined)
         if self.estimand.combine == "value" and self.plain and self.indicator and statistic == "mean":
             return Measured(estimate, replicates.standard_error(combined), used, "share", 0, 1.0)
+        if self.linear and self.indicator and statistic == "mean":
+            terms = share_terms(self._coefficients(), np.array(list(columns.values())))
+            return Measured(estimate, replicates.standard_error(combined), used, "shares", 0, scale, terms)
         return Measured(estimate, replicates.standard_error(combined), used, "t", 0, scale)
 
     def wins(self) -> Measured:
@@ -233,6 +248,21 @@ class _Runs:
 
             self.chosen[filter, case] = min(choice.candidates, key=score)
         return self.chosen[filter, case]
+
+
+def share_terms(coefficients: Array, flags: Array) -> tuple[tuple[float, int], ...]:
+    """A sum of shares as terms (v, number of runs) with sum v number/runs its value; flags (k, M) are 0 or 1.
+
+    The values v that the sum takes in single runs, where they are no more than the shares (of a - b: 1 and -1), so
+    that runs in which both are flagged cancel; else the shares themselves with their coefficients.
+    """
+    k = len(coefficients)
+    patterns = np.array(list(product((0.0, 1.0), repeat=k))).T if k <= 3 else np.zeros((k, 0))
+    possible = [float(v) for v in np.unique(np.round(coefficients @ patterns, 12)) if v]
+    if 0 < len(possible) <= k:
+        values = np.round(coefficients @ flags, 12)
+        return tuple((v, int((values == v).sum())) for v in possible)
+    return tuple((float(c), int(each.sum())) for c, each in zip(coefficients, flags, strict=True))
 
 
 def _evaluate(point: Point, statistic: Callable[[str, str, str], Array]) -> Array:
