@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario.display import Selection, case_matches
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ class Material:
     extra_cases: frozenset[str] = frozenset()
     readings: tuple[str, ...] = ()  # of the scenario; the results may also hold sensitivity switches
     printed: Mapping[str, PrintedTable] = field(default_factory=dict)  # the paper's tables by name
+    words: Words = PLAIN
 
     @cached_property
     def summary(self) -> dict[Key, Row]:
@@ -105,16 +107,30 @@ class Material:
         row = self.summary[key]
         if statistic == "mean" or key[3] in ("failed", "lost") or not self.has_values(key[3]):
             return number(row.get(statistic)), row["se"] if statistic == "mean" else None
-        from rkfbench import metrics
         from rkfbench.claims import replicates
 
-        values = self.results.values(*key)
-        failed = np.zeros(len(values), bool) if is_time(key[3]) else self.results.failed(*key[:3])
-        if not is_time(key[3]) and metrics.get(key[3]).statistic == "root_mean":
-            values = np.sqrt(values)
-        values = np.where(failed, np.inf, values) if statistic == "median" else values[~failed]
-        replicated = replicates.STATISTICS[statistic](values)
+        replicated = replicates.STATISTICS[statistic](_counted(*self._values(key), statistic))
         return float(replicated[0]), replicates.standard_error(replicated)
+
+    def batches(self, key: Key, statistic: str, size: int) -> list[float]:
+        """A statistic over disjoint batches of `size` runs; [] where there are no numbers per run."""
+        if key[3] in ("failed", "lost") or is_time(key[3]) or not self.results.has_runs:
+            return []
+        from rkfbench.claims import replicates
+
+        values, failed = self._values(key)
+        parts = (slice(first, first + size) for first in range(0, len(values) - size + 1, size))
+        return [float(replicates.STATISTICS[statistic](_counted(values[i], failed[i], statistic))[0]) for i in parts]
+
+    def _values(self, key: Key) -> tuple[Any, Any]:
+        """The numbers of single runs or repeats, and which runs failed, (M,) each."""
+        from rkfbench import metrics
+
+        values = self.results.values(*key)
+        if is_time(key[3]):
+            return values, np.zeros(len(values), bool)
+        root = metrics.get(key[3]).statistic == "root_mean"
+        return np.sqrt(values) if root else values, self.results.failed(*key[:3])
 
     def has_values(self, metric: str) -> bool:
         """Whether the numbers of single runs are there; those of times always are."""
@@ -169,6 +185,14 @@ def text(value: Any) -> str:
 
 def number(value: Any) -> float:
     return math.nan if value is None else float(value)
+
+
+def _counted(values: Any, failed: Any, statistic: str) -> Any:
+    """What a statistic is taken of: failed runs are infinite for a median and left out otherwise; undefined ones are
+    left out.
+    """
+    values = np.where(failed, np.inf if statistic == "median" else np.nan, values)
+    return values[~np.isnan(values)]
 
 
 def _share(row: Row, what: str) -> Row:
