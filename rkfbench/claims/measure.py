@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import product
+from math import isqrt
 from typing import Literal, Protocol
 
 import numpy as np
@@ -21,7 +22,7 @@ from rkfbench.claims.verdict import Measured
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Combination = Literal["value", "difference", "relative", "ratio", "slope", "smallest"]
+Combination = Literal["value", "difference", "relative", "ratio", "slope", "smallest", "eigenvalue"]
 
 
 class Stats(Protocol):
@@ -70,7 +71,8 @@ class Estimand:
     """What a cell of a claim is about.
 
     combine: value: the only point; difference: a - b; relative: (a - b)/b; ratio: a/b; slope: sum of weight x point;
-    smallest: share of runs in which the first point is the smallest. `ordered` marks comparisons of runs that lost
+    smallest: share of runs in which the first point is the smallest; eigenvalue: the least one of the symmetric matrix
+    whose lower triangle the points are, row by row. `ordered` marks comparisons of runs that lost
     runs turn into a win probability.
     """
 
@@ -286,8 +288,27 @@ def _combine(estimand: Estimand, parts: list[Array]) -> Array:
             return parts[0] / parts[1]
         case "slope":
             return np.asarray(sum(w * part for w, part in zip(estimand.weights, parts, strict=True)))
+        case "eigenvalue":
+            return _least_eigenvalue(parts)
         case _:
             return parts[0]
+
+
+def _least_eigenvalue(parts: list[Array]) -> Array:
+    """The least eigenvalue for each replicate of a symmetric matrix, from its lower triangle row by row."""
+    n = triangle(len(parts))
+    rows, columns = np.tril_indices(n)
+    matrix = np.full((n, n, parts[0].size), np.nan)
+    matrix[rows, columns] = matrix[columns, rows] = np.array(parts)
+    if not np.isfinite(matrix).all():
+        return np.full(parts[0].size, np.nan)
+    return np.asarray(np.linalg.eigvalsh(np.moveaxis(matrix, 2, 0))[:, 0])
+
+
+def triangle(count: int) -> int:
+    """n such that n (n + 1)/2 is the count; 0 if there is none."""
+    n = (isqrt(8 * count + 1) - 1) // 2
+    return n if n * (n + 1) // 2 == count else 0
 
 
 def _scale(estimand: Estimand, parts: Iterable[Array], combined: Array) -> float:

@@ -179,6 +179,8 @@ def get(text: str) -> Metric:
     params = _params(match["params"] or "")
     parts = _build(METRICS, "metric", match["name"], params)
     states = tuple(part.strip() for part in match["states"].split(",")) if match["states"] else ()
+    if getattr(parts["quantity"], "of_two", False) and len(states) != 2:
+        raise SpecError(f"'{text}' needs two states, or one named twice: {match['name']}[x,y] or {match['name']}[x,x]")
     curve, at = match["at"] in ("k", "lag"), None
     if match["at"] == "lag" or (match["at"] or "").startswith("j"):
         parts = {**parts, "point": _point(match["at"])}

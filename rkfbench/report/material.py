@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rkfbench.report.words import PLAIN, Words
-from rkfbench.scenario.display import Selection, case_matches
+from rkfbench.scenario.display import Item, Selection, case_matches
 
 if TYPE_CHECKING:
     from rkfbench.scenario.paper_schema import PrintedTable
@@ -63,11 +63,11 @@ class Material:
 
     @cached_property
     def cells(self) -> dict[str, list[str]]:
-        """The cases of each reading, in the order of the results."""
+        """The cases of each reading: those of the scenario first, then switches of the sensitivity study."""
         found: dict[str, dict[str, None]] = {}
         for reading, case, _, _ in (*self.summary, *self.series):
             found.setdefault(reading, {})[case] = None
-        return {each: list(found[each]) for each in self.readings or found if each in found}
+        return {each: list(found[each]) for each in distinct([*self.readings, *found]) if each in found}
 
     @cached_property
     def filters(self) -> dict[str, Row]:
@@ -88,8 +88,13 @@ class Material:
         columns = list(self.results.summary[0]) if self.results.summary else []
         return tuple(columns[columns.index("case") + 1 : columns.index("filter")]) if columns else ()
 
-    def pick_readings(self, item: Selection) -> list[str]:
-        return [each for each in self.cells if item.readings is None or each in item.readings]
+    @property
+    def own_readings(self) -> list[str]:
+        """The readings of the scenario for which there are results, without switches."""
+        return [each for each in self.cells if not self.readings or each in self.readings]
+
+    def pick_readings(self, item: Item) -> list[str]:
+        return self.own_readings if item.readings is None else [each for each in self.cells if each in item.readings]
 
     def pick_cases(self, item: Selection, reading: str, extras: bool = False) -> list[str]:
         if item.cases is not None:

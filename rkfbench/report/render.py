@@ -107,9 +107,7 @@ class Outcome:
         labels = distinct([*self.material.filters, *names.values(), *(key[2] for key in self.material.summary)])
         looks = style.looks(labels, names)
         for figure in self.scenario.figures:
-            for reading in self.material.cells:
-                if figure.readings is not None and reading not in figure.readings:
-                    continue
+            for reading in self.material.pick_readings(figure):
                 picture = self._picture(figure, reading, looks)
                 if picture.points or picture.lines:
                     yield picture
@@ -123,7 +121,9 @@ class Outcome:
             return Picture(figure, reading, sentences, [], lines, looks)
         words = self.material.words
         if isinstance(figure, Influence):
-            specs = next(cell.spec["filters"] for cell in self.scenario.cells if cell.reading == reading)
+            specs = next(
+                cell.spec["filters"] for cell in self.scenario.cells if cell.reading == reading.partition("+")[0]
+            )
             curves = list(influence_points(figure, specs, reading))
             return Picture(figure, reading, caption(figure, curves, words), curves, [], looks, words)
         picture = Picture(figure, reading, "", [], [], looks)

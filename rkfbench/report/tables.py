@@ -71,6 +71,11 @@ class Line:
     printed: tuple[str, ...] = ()
     against: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
+    @property
+    def beneath(self) -> list[tuple[str, tuple[str, ...]]]:
+        """The lines (heading, cells) under a row for which the paper prints numbers."""
+        return [("paper", self.printed), *self.against] if self.printed else []
+
 
 @dataclass(frozen=True)
 class Sheet:
@@ -192,9 +197,7 @@ def markdown(table: Table, sheets: Sequence[Sheet], level: int = 1) -> str:
         rows = [["", *sheet.headings]]
         for line in sheet.lines:
             rows.append([line.heading, *("" if cell is None else _plain(cell) for cell in line.cells)])
-            if line.printed:
-                beneath = [("paper", line.printed), *line.against]
-                rows += [[f"*{each}*" if each else "" for each in (heading, *cells)] for heading, cells in beneath]
+            rows += [[f"*{each}*" if each else "" for each in (heading, *cells)] for heading, cells in line.beneath]
         escaped = [" | ".join(cell.replace("|", r"\|") for cell in row) for row in rows]
         rule = " | ".join(["---", *["---:"] * len(sheet.headings)])
         parts.append("\n".join(f"| {row} |" for row in (escaped[0], rule, *escaped[1:])))
@@ -227,7 +230,7 @@ def _latex_sheet(table: Table, sheet: Sheet) -> str:
     body = [row("", map(escape, sheet.headings)), r"\midrule"]
     for line in sheet.lines:
         body.append(row(escape(line.heading), ("" if cell is None else _tex(cell) for cell in line.cells)))
-        for heading, cells in [("paper", line.printed), *line.against] if line.printed else []:
+        for heading, cells in line.beneath:
             italic = (rf"\textit{{{escape(number)}}}" if number else "" for number in cells)
             body.append(row(rf"\quad\textit{{{escape(heading)}}}", italic))
     caption = " ".join(part for part in (f"{table.title or table.id}.", table.caption, sheet.note) if part)

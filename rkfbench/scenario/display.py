@@ -61,7 +61,7 @@ class Item(Strict):
         default="", description="what the reader should know; runs, reading and cases are added by themselves"
     )
     readings: Annotated[list[Name], Field(min_length=1)] | None = Field(
-        default=None, description="readings; default: all"
+        default=None, description="readings, or switches as `reading+switch`; default: all readings"
     )
 
 

@@ -60,7 +60,7 @@ def known_names(cells: Sequence[Cell], columns: Sequence[str]) -> dict[str, list
         "metric": [*(metric for cell in cells for metric in cell.spec["metrics"]), *COUNTED],
         "filter": [each["label"] for each in filters],
         "case": [cell.case for cell in cells],
-        "reading": [cell.reading for cell in cells],
+        "reading": [cell.reading + (f"+{cell.switch}" if cell.switch else "") for cell in cells],
         "over": [*columns, *parameters],
     }
     return {kind: list(dict.fromkeys(each)) for kind, each in names.items()}
