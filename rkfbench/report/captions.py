@@ -19,7 +19,7 @@ def caption(figure: Drawn, points: Sequence[Point], words: Words = PLAIN) -> str
     reading = distinct(point.reading for point in ours)
     metrics = ", ".join(distinct(words.metric(point.metric) for point in ours))
     parts = [figure.title, figure.caption, _what(figure, metrics, _runs(ours), points, words)]
-    parts.append(f"{_plural('Case', cases)} {'; '.join(cases)}" if cases else "")
+    parts.append(_cases(cases) if cases else "")
     parts.append(f"Reading {', '.join(reading)}" if any(reading) else "")
     parts.append(casualties(ours, words))
     return " ".join(f"{part.rstrip('. ')}." for part in parts if part.strip())
@@ -72,6 +72,14 @@ def _runs(points: Sequence[Point]) -> str:
 def _range(values: Sequence[int], word: str) -> str:
     low, high = min(values), max(values)
     return f"{high} {word}" if low == high and high else f"{low} to {high} {word}" if high else ""
+
+
+def _cases(names: Sequence[str]) -> str:
+    """The cases shown; a name that says itself that it is a case needs no word before it."""
+    listed = "; ".join(names)
+    if all(name.startswith("case") for name in names):
+        return listed[:1].upper() + listed[1:]
+    return f"{_plural('Case', names)} {listed}"
 
 
 def _plural(word: str, items: Sequence[str]) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 Key = tuple[Any, Any]  # value of the row dimension, value of the column dimension
 DECADES = 3  # positive values that span more are drawn on a logarithmic axis
+ROW_CHARACTERS = 24  # of a line of the name at the left of a row
 WIDTH, CAPTION_LINE, CAPTION_CHARACTERS = 7.0, 0.155, 118  # inches, inches, characters a line
 
 
@@ -167,7 +168,7 @@ def _title(grid: Grid, panel: Key, top: bool) -> str:
 def _left_labels(figure: Drawn, grid: Grid, panel: Key, points: Sequence[Point]) -> Iterator[str]:
     """At the left of a row: its value, then what is plotted, unless a metric in row or column says that."""
     if grid.row_of:
-        yield grid.name(0, panel)
+        yield textwrap.fill(grid.name(0, panel), ROW_CHARACTERS)
     metric = next((point.metric for point in points if point.role == "ours"), "")
     name = "" if "metric" in (grid.row_of, grid.column_of) else grid.words.metric(metric)
     if label := _axis_label(figure.y, name):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 STATISTICS = ("mean", "se", "sd", "median", "q05", "q95")
 CURVE_STATISTICS = frozenset({"mean", "median", "first"})
-MOST_STEPS, STRETCHES = 600, 250
+MOST_STEPS, STRETCHES = 600, 200
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ def test_of_a_curve_that_figures_show_what_they_show_is_kept_and_any_other_is_ke
 
 
 def test_a_long_curve_keeps_its_ends_and_its_peaks_and_a_short_one_all() -> None:
-    from rkfbench.study.outputs import CURVE_STATISTICS, MOST_STEPS, thinned
+    from rkfbench.study.outputs import CURVE_STATISTICS, MOST_STEPS, STRETCHES, thinned
 
     path = np.random.default_rng(8).normal(size=1500)
     path[[299, 600]] = 40.0, -40.0
@@ -98,9 +98,9 @@ def test_a_long_curve_keeps_its_ends_and_its_peaks_and_a_short_one_all() -> None
     assert len(few) < MOST_STEPS
     assert all(kept[k] == path[k - 1] for k in kept)
     assert {1, 300, 601, 1500} <= kept.keys()
-    for stretch in np.split(np.arange(1, 1501), 250):
-        values = [kept[k] for k in stretch if k in kept]
-        assert (min(values), max(values)) == (path[stretch - 1].min(), path[stretch - 1].max())
+    for stretch in np.array_split(np.arange(1, 1501), STRETCHES):
+        inside = [kept[k] for k in stretch if k in kept]
+        assert (min(inside), max(inside)) == (path[stretch - 1].min(), path[stretch - 1].max())
     assert all(row["mean"] is row["se"] is row["median"] is None for row in few)
     assert thinned(rows, CURVE_STATISTICS) == rows
     short = thinned(rows[:MOST_STEPS], frozenset({"mean"}))
