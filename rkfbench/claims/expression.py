@@ -41,6 +41,22 @@ class Expression:
             return ()
         return tuple(dict.fromkeys(self.left.names() + self.right.names()))
 
+    @property
+    def degree(self) -> int | None:
+        """0 for a number, 1 where it is linear in its names (`a - b`, `0.5 * a`), None for anything else."""
+        if self.name is not None:
+            return 1
+        if self.left is None or self.right is None:
+            return 0
+        left, right = self.left.degree, self.right.degree
+        if left is None or right is None:
+            return None
+        if self.op in "+-":
+            return left if left == right else None
+        if self.op == "/":
+            return left if right == 0 else None
+        return left + right if left + right < 2 else None
+
     def evaluate(self, value: Callable[[str], Any]) -> Any:
         """The value of the expression where `value(name)` gives that of a name: a number or an array."""
         if self.name is not None:

@@ -5,6 +5,7 @@
     equal a, b         (a - b)/b within +- margin           equal a, b, c   all a/b within 1/(1+margin) .. 1+margin
     ratio a, b, c      a/b and a/c within bounds            share a, b, c   share of runs with a < min(b, c)
     bound, slope       the number within bounds             value           printed numbers
+    eigenvalue a, b, c the least eigenvalue of [[a, b], [b, c]] within bounds
 
 What is chosen by looking at the data (the best, the largest, the runner-up) is never one cell: it is written as all
 the pairs it stands for, so that nothing is selected and the interval of each is right.
@@ -20,7 +21,7 @@ from math import inf
 from typing import Any
 
 from rkfbench.claims.expression import Expression, parse
-from rkfbench.claims.measure import Combination, Estimand, Point, Selected
+from rkfbench.claims.measure import Combination, Estimand, Point, Selected, triangle
 from rkfbench.claims.verdict import Printed, Region
 from rkfbench.errors import SpecError, did_you_mean
 from rkfbench.scenario.claims import Measurement, Part, Value
@@ -154,6 +155,10 @@ def _compared(kind: str, body: Any, groups: list[list[str]], cell: Callable[...,
             yield cell("smallest", items, _bounds(body))
         case "slope":
             yield cell("slope", items, _bounds(body), weights=slope_weights(items, body.points))
+        case "eigenvalue":
+            if not triangle(len(items)):
+                raise SpecError(f"{len(items)} entries are no lower triangle of a matrix: 3, 6, 10, ...", (body.along,))
+            yield cell("eigenvalue", items, _bounds(body))
 
 
 def slope_weights(items: tuple[str, ...], points: list[float] | None = None) -> tuple[float, ...]:
@@ -212,6 +217,8 @@ def _words(combine: Combination, points: tuple[Point, ...], statistic: str) -> s
 def _join(combine: Combination, texts: list[str]) -> str:
     if combine == "smallest":
         return f"{texts[0]} smallest of {', '.join(texts)}"
+    if combine == "eigenvalue":
+        return f"least eigenvalue of {triangle(len(texts))} x {triangle(len(texts))} {texts[0]} .. {texts[-1]}"
     if combine == "slope":
         return f"slope over {', '.join(texts)}"
     first, second = (f"({text})" if re.search(r" [-+/*] ", text) else text for text in texts)

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import product
+from math import isqrt
 from typing import Literal, Protocol
 
 import numpy as np
@@ -20,7 +22,7 @@ from rkfbench.claims.verdict import Measured
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Combination = Literal["value", "difference", "relative", "ratio", "slope", "smallest"]
+Combination = Literal["value", "difference", "relative", "ratio", "slope", "smallest", "eigenvalue"]
 
 
 class Stats(Protocol):
@@ -69,7 +71,8 @@ class Estimand:
     """What a cell of a claim is about.
 
     combine: value: the only point; difference: a - b; relative: (a - b)/b; ratio: a/b; slope: sum of weight x point;
-    smallest: share of runs in which the first point is the smallest. `ordered` marks comparisons of runs that lost
+    smallest: share of runs in which the first point is the smallest; eigenvalue: the least one of the symmetric matrix
+    whose lower triangle the points are, row by row. `ordered` marks comparisons of runs that lost
     runs turn into a win probability.
     """
 
@@ -146,6 +149,17 @@ class _Runs:
         return all(part.name is not None for p in self.estimand.points for part in (p.metric, p.filter, p.case))
 
     @property
+    def linear(self) -> bool:
+        """Whether it is a sum of numbers times statistics."""
+        parts = (part for p in self.estimand.points for part in (p.metric, p.filter, p.case))
+        return self.estimand.combine in ("value", "difference", "slope") and all(part.degree == 1 for part in parts)
+
+    def _coefficients(self) -> Array:
+        """The number before the statistic of each key, where it is linear."""
+        unit = dict(zip(self.keys, np.eye(len(self.keys)), strict=True))
+        return _combine(self.estimand, [_evaluate(point, lambda *key: unit[key]) for point in self.estimand.points])
+
+    @property
     def indicator(self) -> bool:
         """Whether the values are yes or no, as those of `lost`; a constant 0 or 1 of another metric need not be."""
         drawn = all(metric in ("lost", "failed") for metric, _, _ in self.keys)
@@ -178,6 +192,9 @@ class _Runs:
         estimate, scale = float(combined[0]), _scale(self.estimand, parts, combined)
         if self.estimand.combine == "value" and self.plain and self.indicator and statistic == "mean":
             return Measured(estimate, replicates.standard_error(combined), used, "share", 0, 1.0)
+        if self.linear and self.indicator and statistic == "mean":
+            terms = share_terms(self._coefficients(), np.array(list(columns.values())))
+            return Measured(estimate, replicates.standard_error(combined), used, "shares", 0, scale, terms)
         return Measured(estimate, replicates.standard_error(combined), used, "t", 0, scale)
 
     def wins(self) -> Measured:
@@ -235,6 +252,21 @@ class _Runs:
         return self.chosen[filter, case]
 
 
+def share_terms(coefficients: Array, flags: Array) -> tuple[tuple[float, int], ...]:
+    """A sum of shares as terms (v, number of runs) with sum v number/runs its value; flags (k, M) are 0 or 1.
+
+    The values v that the sum takes in single runs, where they are no more than the shares (of a - b: 1 and -1), so
+    that runs in which both are flagged cancel; else the shares themselves with their coefficients.
+    """
+    k = len(coefficients)
+    patterns = np.array(list(product((0.0, 1.0), repeat=k))).T if k <= 3 else np.zeros((k, 0))
+    possible = [float(v) for v in np.unique(np.round(coefficients @ patterns, 12)) if v]
+    if 0 < len(possible) <= k:
+        values = np.round(coefficients @ flags, 12)
+        return tuple((v, int((values == v).sum())) for v in possible)
+    return tuple((float(c), int(each.sum())) for c, each in zip(coefficients, flags, strict=True))
+
+
 def _evaluate(point: Point, statistic: Callable[[str, str, str], Array]) -> Array:
     """The replicate array of a point: arithmetic over cases of arithmetic over filters of arithmetic over metrics."""
     return np.asarray(
@@ -256,8 +288,27 @@ def _combine(estimand: Estimand, parts: list[Array]) -> Array:
             return parts[0] / parts[1]
         case "slope":
             return np.asarray(sum(w * part for w, part in zip(estimand.weights, parts, strict=True)))
+        case "eigenvalue":
+            return _least_eigenvalue(parts)
         case _:
             return parts[0]
+
+
+def _least_eigenvalue(parts: list[Array]) -> Array:
+    """The least eigenvalue for each replicate of a symmetric matrix, from its lower triangle row by row."""
+    n = triangle(len(parts))
+    rows, columns = np.tril_indices(n)
+    matrix = np.full((n, n, parts[0].size), np.nan)
+    matrix[rows, columns] = matrix[columns, rows] = np.array(parts)
+    if not np.isfinite(matrix).all():
+        return np.full(parts[0].size, np.nan)
+    return np.asarray(np.linalg.eigvalsh(np.moveaxis(matrix, 2, 0))[:, 0])
+
+
+def triangle(count: int) -> int:
+    """n such that n (n + 1)/2 is the count; 0 if there is none."""
+    n = (isqrt(8 * count + 1) - 1) // 2
+    return n if n * (n + 1) // 2 == count else 0
 
 
 def _scale(estimand: Estimand, parts: Iterable[Array], combined: Array) -> float:

@@ -173,7 +173,7 @@ def _known(paper: Paper, outline: Outline, kind: str) -> tuple[str, ...]:
         "reading": outline.readings,
         "case": (*outline.cases, *paper.groups),
         "filter": (*outline.filters, *paper.groups, *paper.select),
-        "metric": (*outline.metrics, "lost", "failed"),
+        "metric": (*outline.metrics, "lost", "failed", *paper.groups),
     }[kind]
 
 

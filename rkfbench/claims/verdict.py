@@ -3,7 +3,10 @@
 Interval: estimate +- c se, c the quantile of Student's t with M - 1 degrees of freedom at tail probability
 0.05 / (2 N), N the size of the family (Bonferroni). t and not the normal: a standard error is itself estimated from
 the M runs; at M = 1000 it costs nothing, at ten runs it is the difference between 95 % and 92 %. Shares of runs and
-win probabilities have exact (Clopper-Pearson) intervals, which stay right at 0 and 1.
+win probabilities have exact (Clopper-Pearson) intervals, which stay right at 0 and 1. A sum or difference of shares is
+sum v p_v, p_v the share of runs in which it is v: each of its n terms has a Clopper-Pearson interval at tail/n, and
+their sum misses the true value with no more than the tail in all, whatever the dependence (conservative). So runs that
+were lost by neither filter, or by both, say how rare the others must be, and not that there are none.
 
 Inside the region: reproduced. Outside: not reproduced. Else inconclusive, as is everything without a standard error
 (one run, NaN). With se = 0 (all runs agree exactly) the estimate alone decides; on the very edge of an open region
@@ -54,22 +57,25 @@ class Measured:
     """What the runs say about an estimand: all that a verdict needs, and all that is stored.
 
     `law` says how the interval is made: "t" from se; "share" from the exact law of a share with `ties` runs that count
-    one half; "exact" for numbers without chance.
+    one half; "shares" from those of `terms`, pairs (v, number of runs) with estimate = sum v number/runs; "exact" for
+    numbers without chance.
     """
 
     estimate: float
     se: float
     runs: int
-    law: Literal["t", "share", "exact"] = "t"
+    law: Literal["t", "share", "shares", "exact"] = "t"
     ties: int = 0
     scale: float = nan  # the level of what was compared, to give margins in %
+    terms: tuple[tuple[float, int], ...] = ()
 
     def at(self, runs: int) -> Measured:
         """What another number of runs would measure if the estimate stayed: se falls like 1/sqrt(runs)."""
         if self.law == "exact":
             return self
         ratio = runs / self.runs
-        return replace(self, se=self.se / sqrt(ratio), runs=runs, ties=round(self.ties * ratio))
+        terms = tuple((value, round(count * ratio)) for value, count in self.terms)
+        return replace(self, se=self.se / sqrt(ratio), runs=runs, ties=round(self.ties * ratio), terms=terms)
 
 
 @dataclass(frozen=True)
@@ -167,6 +173,8 @@ def interval(measured: Measured, tail: float) -> tuple[float, float]:
         return measured.estimate, measured.estimate
     if measured.law == "share":
         return _share_interval(measured.estimate, measured.runs, measured.ties, tail)
+    if measured.law == "shares":
+        return _shares_interval(measured.terms, measured.runs, tail)
     if measured.se == 0 and measured.runs > 1:
         return measured.estimate, measured.estimate
     half = critical(tail, measured.runs) * measured.se
@@ -192,6 +200,17 @@ def _share_interval(share: float, runs: int, ties: int, tail: float) -> tuple[fl
     low = float(betaincinv(wins, losses + 1, tail)) if wins > 0 else 0.0
     high = float(betaincinv(wins + 1, losses, 1 - tail)) if losses > 0 else 1.0
     return (low * decided + ties / 2) / runs, (high * decided + ties / 2) / runs
+
+
+def _shares_interval(terms: Collection[tuple[float, int]], runs: int, tail: float) -> tuple[float, float]:
+    """sum v [low_v, high_v] over terms (v, number of runs), each share by Clopper-Pearson at tail/(number of terms)."""
+    if runs < 1 or not terms:
+        return nan, nan
+    ends = [
+        sorted(value * end for end in _share_interval(count / runs, runs, 0, tail / len(terms)))
+        for value, count in terms
+    ]
+    return sum(low for low, _ in ends), sum(high for _, high in ends)
 
 
 def _replication_half(measured: Measured, printed: Printed, tail: float) -> float:

@@ -86,7 +86,8 @@ def lambda_mean() -> Parts:
 
 def share_46(
     steps: Annotated[
-        Literal["all", "outlier", "clean", "worse"], "which steps count; worse: cond(S) above that of `than`"
+        Literal["all", "outlier", "clean", "worse"],
+        "which steps count; worse: cond(S) above that of `than` by more than rounding (1e-9)",
     ] = "all",
     than: Annotated[str, "label of the filter compared with"] = "kf",
 ) -> Parts:
@@ -95,7 +96,9 @@ def share_46(
 
 
 def share_worse_given_46(than: Annotated[str, "label of the filter compared with"] = "kf") -> Parts:
-    """Among the steps at which (46) holds, the share at which cond(S) exceeds that of another filter."""
+    """Among the steps at which (46) holds, the share at which cond(S) exceeds that of another filter by more
+    than rounding (1e-9).
+    """
     return {"quantity": WorseGivenPremise(than), "reduce": "mean_where"}
 
 
@@ -176,6 +179,8 @@ def get(text: str) -> Metric:
     params = _params(match["params"] or "")
     parts = _build(METRICS, "metric", match["name"], params)
     states = tuple(part.strip() for part in match["states"].split(",")) if match["states"] else ()
+    if getattr(parts["quantity"], "of_two", False) and len(states) != 2:
+        raise SpecError(f"'{text}' needs two states, or one named twice: {match['name']}[x,y] or {match['name']}[x,x]")
     curve, at = match["at"] in ("k", "lag"), None
     if match["at"] == "lag" or (match["at"] or "").startswith("j"):
         parts = {**parts, "point": _point(match["at"])}

@@ -100,6 +100,24 @@ class Excess(Each):
 
 
 @dataclass(frozen=True)
+class ExcessEntry(Each):
+    """One entry P_ij - e_i e_j of the stated minus the actual square, of two states or of one named twice.
+
+    The mean over the runs is the entry of mean P minus the mean square error matrix.
+    """
+
+    keep: ClassVar[frozenset[str]] = frozenset({"cov"})
+    of_two: ClassVar[bool] = True
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        P = trial.estimate.cov
+        assert P is not None
+        i, j = states
+        error = trial.estimate.mean - trial.truth()
+        return np.asarray(P[:, i, j] - error[:, i] * error[:, j])
+
+
+@dataclass(frozen=True)
 class Indefinite(Each):
     """1 after an update whose P is not positive definite, else 0."""
 
@@ -170,6 +188,11 @@ def excess(
     return {"quantity": Excess(along)}
 
 
+def excess_entry() -> Parts:
+    """Entry of the stated minus the actual square, P - e e', for two states, or one named twice: `[x,y]`, `[x,x]`."""
+    return {"quantity": ExcessEntry()}
+
+
 def indefinite() -> Parts:
     """Share of the updates that leave a P which is not positive definite; sigma points then come from its positive
     part.
@@ -195,6 +218,7 @@ METRICS: dict[str, Entry] = {
     "radial_sd": Entry(radial_sd),
     "tangential_sd": Entry(tangential_sd),
     "excess": Entry(excess, paper="pekf-2017", equations="section 1"),
+    "excess_entry": Entry(excess_entry, paper="pekf-2017", equations="section 1"),
     "indefinite": Entry(indefinite),
     "crossed": Entry(crossed),
     "score": Entry(score),

@@ -53,9 +53,14 @@ def distance(to: Annotated[str, "label of the other filter"], over: Over = "medi
     return {"quantity": Distance(to=to), "reduce": over}
 
 
-def mean_of(name: History, component: Component = "") -> Parts:
+def mean_of(
+    name: History,
+    component: Component = "",
+    steps: Annotated[Literal["all", "outlier", "clean"], "which steps count, by the outlier flags"] = "all",
+) -> Parts:
     """Mean over the steps of something that the filter shows."""
-    return {"quantity": MeanOf(name=name, component=component)}
+    reduce = "mean" if steps == "all" else "mean_where"
+    return {"quantity": MeanOf(name=name, component=component, which=steps), "reduce": reduce}
 
 
 def share_below(

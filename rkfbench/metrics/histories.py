@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from rkfbench.errors import SpecError, did_you_mean
 from rkfbench.linalg import Array
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import Each, Trial, outliers
 from rkfbench.models import Model
 
 
@@ -47,10 +48,13 @@ class Shown(Each):
 
 @dataclass(frozen=True)
 class MeanOf(Shown):
-    """The mean over the components."""
+    """The mean over the components; NaN at the steps that do not count."""
+
+    which: Literal["all", "outlier", "clean"] = "all"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        return np.asarray(self.values(trial).mean(1))
+        mean = np.asarray(self.values(trial).mean(1))
+        return mean if self.which == "all" else np.where(outliers(trial) == (self.which == "outlier"), mean, np.nan)
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rkfbench.report import marks, style
-from rkfbench.report.captions import case_name, metric_name
 from rkfbench.report.marks import Looks
 from rkfbench.report.material import distinct
-from rkfbench.report.points import Lines, Point
-from rkfbench.report.style import display_name
+from rkfbench.report.points import Drawn, Point
+from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario.display import Axis
 
 if TYPE_CHECKING:
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 
 Key = tuple[Any, Any]  # value of the row dimension, value of the column dimension
 DECADES = 3  # positive values that span more are drawn on a logarithmic axis
+ROW_CHARACTERS = 24  # of a line of the name at the left of a row
 WIDTH, CAPTION_LINE, CAPTION_CHARACTERS = 7.0, 0.155, 118  # inches, inches, characters a line
 
 
@@ -37,6 +37,7 @@ class Grid:
     rows: list[Any]
     columns: list[Any]
     wrapped: bool  # one dimension laid out over several lines
+    words: Words = PLAIN
 
     @property
     def panels(self) -> list[Key]:
@@ -52,7 +53,7 @@ class Grid:
     def name(self, which: int, panel: Key) -> str:
         """A panel's value of the row (0) or column (1) dimension as a reader sees it."""
         names: dict[str | None, Callable[[Any], str]]
-        names = {"case": case_name, "metric": metric_name, "filter": display_name}
+        names = {"case": self.words.case, "metric": self.words.metric, "filter": self.words.filter}
         return names.get((self.row_of, self.column_of)[which], lambda _: "")(panel[which])
 
     def holds(self, panel: Key, point: Point) -> bool:
@@ -64,12 +65,12 @@ class Grid:
         return True
 
 
-def draw(figure: Lines, points: Sequence[Point], looks: Looks, caption: str = "") -> Figure:
+def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = "", words: Words = PLAIN) -> Figure:
     """Draw the points of one reading (inside `style.styled()`); `caption` goes below the panels."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    grid = layout(figure, points)
+    grid = layout(figure, points, words)
     rows, columns = grid.shape
     share = figure.share or ("none" if "metric" in (grid.row_of, grid.column_of) else "all")
     lines = textwrap.wrap(caption, CAPTION_CHARACTERS if columns > 1 else CAPTION_CHARACTERS * 5 // 7)
@@ -87,11 +88,11 @@ def draw(figure: Lines, points: Sequence[Point], looks: Looks, caption: str = ""
         inside = [point for point in points if grid.holds(panel, point)]
         same_axis = points if share == "all" else inside
         _scale(ax, figure, [point for point in same_axis if point.role != "band"])
-        marks.KINDS[figure.kind](ax, figure, inside, looks)
+        marks.KINDS[figure.kind](ax, figure, inside, looks, words)
         _plain_ticks(ax)
         ax.set_title(_title(grid, panel, top=number < columns))
         if number + columns >= len(grid.panels):
-            ax.set_xlabel(_axis_label(figure.x, _x_name(figure, points)))
+            ax.set_xlabel(_axis_label(figure.x, _x_name(figure, words)))
             ax.tick_params(labelbottom=True)
         if number % columns == 0:
             ax.set_ylabel("\n".join(_left_labels(figure, grid, panel, points)))
@@ -101,7 +102,7 @@ def draw(figure: Lines, points: Sequence[Point], looks: Looks, caption: str = ""
     return sheet
 
 
-def layout(figure: Lines, points: Sequence[Point]) -> Grid:
+def layout(figure: Drawn, points: Sequence[Point], words: Words = PLAIN) -> Grid:
     """The grid of panels: as declared, then what else varies, columns first; one long line of panels is wrapped."""
     main = [point for point in points if point.role not in ("beside", "band")]
     values = {name: distinct(getattr(point, name) for point in main) for name in ("case", "metric", "filter")}
@@ -116,10 +117,10 @@ def layout(figure: Lines, points: Sequence[Point]) -> Grid:
             row_of = name
     rows = values[row_of] if row_of else [None]
     columns = values[column_of] if column_of else [None]
-    return Grid(row_of, column_of, rows, columns, wrapped=len(rows) == 1 and len(columns) > 3)
+    return Grid(row_of, column_of, rows, columns, wrapped=len(rows) == 1 and len(columns) > 3, words=words)
 
 
-def _scale(ax: Axes, figure: Lines, points: Sequence[Point]) -> None:
+def _scale(ax: Axes, figure: Drawn, points: Sequence[Point]) -> None:
     """Linear or logarithmic axes and their limits."""
     y = [point.y * figure.y.times for point in points]
     x = [point.x for point in points if not isinstance(point.x, str) and point.x is not None]
@@ -131,7 +132,7 @@ def _scale(ax: Axes, figure: Lines, points: Sequence[Point]) -> None:
         ax.set_ylim(*figure.y.limits)
     if figure.x.limits:
         ax.set_xlim(*figure.x.limits)
-    elif figure.kind in ("curve", "panels"):
+    elif figure.kind in ("curve", "panels", "influence"):
         ax.margins(x=0.02)
 
 
@@ -164,12 +165,12 @@ def _title(grid: Grid, panel: Key, top: bool) -> str:
     return grid.name(1, panel) if top or not matrix else ""
 
 
-def _left_labels(figure: Lines, grid: Grid, panel: Key, points: Sequence[Point]) -> Iterator[str]:
+def _left_labels(figure: Drawn, grid: Grid, panel: Key, points: Sequence[Point]) -> Iterator[str]:
     """At the left of a row: its value, then what is plotted, unless a metric in row or column says that."""
     if grid.row_of:
-        yield grid.name(0, panel)
+        yield textwrap.fill(grid.name(0, panel), ROW_CHARACTERS)
     metric = next((point.metric for point in points if point.role == "ours"), "")
-    name = "" if "metric" in (grid.row_of, grid.column_of) else metric_name(metric)
+    name = "" if "metric" in (grid.row_of, grid.column_of) else grid.words.metric(metric)
     if label := _axis_label(figure.y, name):
         yield label
 
@@ -179,10 +180,10 @@ def _axis_label(axis: Axis, name: str) -> str:
     return " ".join(part for part in (label, f"({axis.unit})" if axis.unit else "") if part)
 
 
-def _x_name(figure: Any, points: Sequence[Point]) -> str:
+def _x_name(figure: Any, words: Words) -> str:
     if figure.kind == "sweep":
-        return str(figure.over).rpartition(".")[2]
-    return {"runs": "run", "bars": ""}.get(figure.kind, "step k")
+        return words.column(figure.over)
+    return {"runs": "run", "bars": "", "influence": "innovation"}.get(figure.kind, "step k")
 
 
 def _legend(sheet: Figure, kind: str, grid: Grid, points: Sequence[Point], looks: Looks, width: float) -> None:
@@ -196,11 +197,11 @@ def _legend(sheet: Figure, kind: str, grid: Grid, points: Sequence[Point], looks
     for order, label in enumerate(labels):
         look = looks[label]
         if kind == "bars":
-            handles.append(Patch(label=display_name(label), **marks.bar_style(look, order)))
+            handles.append(Patch(label=grid.words.filter(label), **marks.bar_style(look, order)))
         else:
             line = marks.run_style(look) if kind == "runs" else marks.line_style(look)
-            handles.append(Line2D([], [], label=display_name(label), **line))
-    beside = distinct(metric_name(point.metric) for point in points if point.role == "beside")
+            handles.append(Line2D([], [], label=grid.words.filter(label), **line))
+    beside = distinct(grid.words.metric(point.metric) for point in points if point.role == "beside")
     handles += [Line2D([], [], label=name, color=style.GREY, **marks.BESIDE) for name in beside]
     if any(point.role == "paper" for point in points):
         handles.append(Line2D([], [], label="printed in the paper", **marks.PRINTED))

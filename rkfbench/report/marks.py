@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rkfbench.report import style
-from rkfbench.report.captions import case_name
 from rkfbench.report.material import distinct
 from rkfbench.report.points import Point
 from rkfbench.report.style import Look
+from rkfbench.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,10 +30,10 @@ PRINTED: dict[str, Any] = {
 }
 
 
-def _curves(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None:
+def _curves(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: Words) -> None:
     """Lines against the step with their band of +-2 standard errors; markers a few times a line, staggered."""
     filters = distinct(point.filter for point in points)
-    path = figure.statistic == "first"
+    path = getattr(figure, "statistic", "") == "first"
     for order, label in enumerate(filters):
         look = looks[label]
         mine = [point for point in points if point.filter == label]
@@ -58,7 +58,7 @@ def _curves(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> Non
             _arrows(ax, x, y, look)
 
 
-def _sweep(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None:
+def _sweep(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: Words) -> None:
     """Marks with bars of +-2 standard errors, joined by lines; filters without the parameter are horizontal."""
     xs = distinct(point.x for point in points if point.role == "ours")
     places: dict[Any, float] = {}
@@ -88,7 +88,7 @@ def _sweep(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None
                     ax.axhspan(low_, high_, color=look.colour, alpha=0.15, linewidth=0)
 
 
-def _runs(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None:
+def _runs(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: Words) -> None:
     """One mark a run; a thin line at the mean of the marks."""
     for label in distinct(point.filter for point in points):
         look = looks[label]
@@ -99,7 +99,7 @@ def _runs(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None:
         _arrows(ax, x, y, look)
 
 
-def _bars(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None:
+def _bars(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: Words) -> None:
     """One bar a filter in groups by case, hatched to be told apart in grey; the paper's numbers are open diamonds."""
     cases = distinct(point.case for point in points)
     filters = distinct(point.filter for point in points)
@@ -121,12 +121,12 @@ def _bars(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None:
                 ax.bar(x, _finite(y), width * 0.92, **bar_style(look, order))
             _bars_of_error(ax, x, y, low, high, Look("#222222", ""))
             _arrows(ax, x, y, look)
-    ax.set_xticks(range(len(cases)), [case_name(case) or "all" for case in cases])
+    ax.set_xticks(range(len(cases)), [words.case(case) or "all" for case in cases])
     ax.grid(visible=False, axis="x")
 
 
-KINDS: dict[str, Callable[[Any, Any, Sequence[Point], Looks], None]] = {
-    "curve": _curves, "panels": _curves, "sweep": _sweep, "runs": _runs, "bars": _bars,
+KINDS: dict[str, Callable[[Any, Any, Sequence[Point], Looks, Words], None]] = {
+    "curve": _curves, "panels": _curves, "sweep": _sweep, "runs": _runs, "bars": _bars, "influence": _curves,
 }  # fmt: skip
 
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rkfbench.scenario.display import Selection, case_matches
+from rkfbench.report.words import PLAIN, Words
+from rkfbench.scenario.display import Item, Selection, case_matches
 
 if TYPE_CHECKING:
     from rkfbench.scenario.paper_schema import PrintedTable
@@ -30,6 +31,7 @@ class Material:
     extra_cases: frozenset[str] = frozenset()
     readings: tuple[str, ...] = ()  # of the scenario; the results may also hold sensitivity switches
     printed: Mapping[str, PrintedTable] = field(default_factory=dict)  # the paper's tables by name
+    words: Words = PLAIN
 
     @cached_property
     def summary(self) -> dict[Key, Row]:
@@ -61,11 +63,11 @@ class Material:
 
     @cached_property
     def cells(self) -> dict[str, list[str]]:
-        """The cases of each reading, in the order of the results."""
+        """The cases of each reading: those of the scenario first, then switches of the sensitivity study."""
         found: dict[str, dict[str, None]] = {}
         for reading, case, _, _ in (*self.summary, *self.series):
             found.setdefault(reading, {})[case] = None
-        return {each: list(found[each]) for each in self.readings or found if each in found}
+        return {each: list(found[each]) for each in distinct([*self.readings, *found]) if each in found}
 
     @cached_property
     def filters(self) -> dict[str, Row]:
@@ -86,8 +88,13 @@ class Material:
         columns = list(self.results.summary[0]) if self.results.summary else []
         return tuple(columns[columns.index("case") + 1 : columns.index("filter")]) if columns else ()
 
-    def pick_readings(self, item: Selection) -> list[str]:
-        return [each for each in self.cells if item.readings is None or each in item.readings]
+    @property
+    def own_readings(self) -> list[str]:
+        """The readings of the scenario for which there are results, without switches."""
+        return [each for each in self.cells if not self.readings or each in self.readings]
+
+    def pick_readings(self, item: Item) -> list[str]:
+        return self.own_readings if item.readings is None else [each for each in self.cells if each in item.readings]
 
     def pick_cases(self, item: Selection, reading: str, extras: bool = False) -> list[str]:
         if item.cases is not None:
@@ -105,16 +112,30 @@ class Material:
         row = self.summary[key]
         if statistic == "mean" or key[3] in ("failed", "lost") or not self.has_values(key[3]):
             return number(row.get(statistic)), row["se"] if statistic == "mean" else None
-        from rkfbench import metrics
         from rkfbench.claims import replicates
 
-        values = self.results.values(*key)
-        failed = np.zeros(len(values), bool) if is_time(key[3]) else self.results.failed(*key[:3])
-        if not is_time(key[3]) and metrics.get(key[3]).statistic == "root_mean":
-            values = np.sqrt(values)
-        values = np.where(failed, np.inf, values) if statistic == "median" else values[~failed]
-        replicated = replicates.STATISTICS[statistic](values)
+        replicated = replicates.STATISTICS[statistic](_counted(*self._values(key), statistic))
         return float(replicated[0]), replicates.standard_error(replicated)
+
+    def batches(self, key: Key, statistic: str, size: int) -> list[float]:
+        """A statistic over disjoint batches of `size` runs; [] where there are no numbers per run."""
+        if key[3] in ("failed", "lost") or is_time(key[3]) or not self.results.has_runs:
+            return []
+        from rkfbench.claims import replicates
+
+        values, failed = self._values(key)
+        parts = (slice(first, first + size) for first in range(0, len(values) - size + 1, size))
+        return [float(replicates.STATISTICS[statistic](_counted(values[i], failed[i], statistic))[0]) for i in parts]
+
+    def _values(self, key: Key) -> tuple[Any, Any]:
+        """The numbers of single runs or repeats, and which runs failed, (M,) each."""
+        from rkfbench import metrics
+
+        values = self.results.values(*key)
+        if is_time(key[3]):
+            return values, np.zeros(len(values), bool)
+        root = metrics.get(key[3]).statistic == "root_mean"
+        return np.sqrt(values) if root else values, self.results.failed(*key[:3])
 
     def has_values(self, metric: str) -> bool:
         """Whether the numbers of single runs are there; those of times always are."""
@@ -169,6 +190,14 @@ def text(value: Any) -> str:
 
 def number(value: Any) -> float:
     return math.nan if value is None else float(value)
+
+
+def _counted(values: Any, failed: Any, statistic: str) -> Any:
+    """What a statistic is taken of: failed runs are infinite for a median and left out otherwise; undefined ones are
+    left out.
+    """
+    values = np.where(failed, np.inf if statistic == "median" else np.nan, values)
+    return values[~np.isnan(values)]
 
 
 def _share(row: Row, what: str) -> Row:

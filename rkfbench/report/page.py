@@ -202,7 +202,7 @@ def _paper_view(key: str, outcomes: Sequence[Outcome], place: Path) -> PaperView
     paper = outcomes[0].paper
     first = outcomes[0].scenario
     rows = [row for outcome in outcomes for row in outcome.results.claims]
-    of_scenario = {outcome.scenario.name: list(outcome.material.cells) for outcome in outcomes}
+    of_scenario = {outcome.scenario.name: outcome.material.own_readings for outcome in outcomes}
     named = distinct(reading for readings in of_scenario.values() for reading in readings)
     readings = [reading for reading in named if reading != "default"] or named
     own = [claim for outcome in outcomes for claim in outcome.scenario.claims]

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rkfbench.report.material import Material, Row, distinct, key_of, number, printed_numbers, text
-from rkfbench.scenario.display import Bars, Curve, Panels, Runs, Sweep
+from rkfbench.scenario.display import Bars, Curve, Influence, Panels, Runs, Sweep
 from rkfbench.store import files
 
 Lines = Curve | Panels | Sweep | Runs | Bars
+Drawn = Lines | Influence
+METRIC = "influence"  # what stands as the metric of an influence curve
 
 
 class Point(NamedTuple):
@@ -75,7 +77,7 @@ def _steps(figure: Curve | Panels, material: Material, reading: str) -> Iterator
                 statistic = "mean" if role == "band" and figure.statistic == "first" else figure.statistic
                 for row in material.series.get((reading, case, label, metric), ()):
                     y = number(row[statistic])
-                    low, high = _interval(y, row["se"]) if statistic == "mean" else (None, None)
+                    low, high = _interval(y, row["se"]) if statistic == "mean" and role != "band" else (None, None)
                     yield Point(role, reading, case, label, metric, row["k"], y, low, high, None, *counts)
 
 

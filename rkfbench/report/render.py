@@ -16,10 +16,12 @@ from typing import Any
 from rkfbench import scenario as scenarios
 from rkfbench.report import figures, forest, style, tables
 from rkfbench.report.captions import caption
+from rkfbench.report.influence import influence_points
 from rkfbench.report.material import Material, distinct
 from rkfbench.report.points import Point, needs_runs, points, read_points, write_points
+from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario import Scenario
-from rkfbench.scenario.display import Figure, Forest, Table
+from rkfbench.scenario.display import Figure, Forest, Influence, Table
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.store import Results, files, manifest
 
@@ -39,6 +41,7 @@ class Picture:
     points: list[Point]
     lines: list[forest.Line]
     looks: dict[str, style.Look]
+    words: Words = PLAIN
 
     @property
     def stem(self) -> str:
@@ -50,7 +53,7 @@ class Picture:
         text = self.caption if with_caption else ""
         if isinstance(self.figure, Forest):
             return forest.draw(self.lines, text)
-        return figures.draw(self.figure, self.points, self.looks, text)
+        return figures.draw(self.figure, self.points, self.looks, text, self.words)
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,7 @@ class Outcome:
             frozenset(cell.case for cell in cells if cell.extra),
             tuple(distinct(cell.reading for cell in cells)),
             self.paper.tables if self.paper else {},
+            Words(self.scenario.names),
         )
 
     def tables(self) -> Iterator[tuple[Table, list[tables.Entry], list[tables.Sheet]]]:
@@ -91,7 +95,11 @@ class Outcome:
             if printed and not table.title:
                 table = table.model_copy(update={"title": printed.title})
             if entries:
-                yield table, entries, tables.layouts(table, entries, printed.decimals if printed else None)
+                yield (
+                    table,
+                    entries,
+                    tables.layouts(table, entries, printed.decimals if printed else None, self.material.words),
+                )
 
     def pictures(self) -> Iterator[Picture]:
         """Every declared figure under each of its readings for which there are numbers."""
@@ -99,9 +107,7 @@ class Outcome:
         labels = distinct([*self.material.filters, *names.values(), *(key[2] for key in self.material.summary)])
         looks = style.looks(labels, names)
         for figure in self.scenario.figures:
-            for reading in self.material.cells:
-                if figure.readings is not None and reading not in figure.readings:
-                    continue
+            for reading in self.material.pick_readings(figure):
                 picture = self._picture(figure, reading, looks)
                 if picture.points or picture.lines:
                     yield picture
@@ -110,14 +116,23 @@ class Outcome:
         if isinstance(figure, Forest):
             claims = figure.claims or (self.paper.headline if self.paper else [])
             lines = forest.lines(self.results.claims, claims, [reading])
-            words = [figure.title, figure.caption, FOREST_CAPTION]
-            sentences = " ".join(f"{part.rstrip('.')}." for part in words if part)
+            said = [figure.title, figure.caption, FOREST_CAPTION]
+            sentences = " ".join(f"{part.rstrip('.')}." for part in said if part)
             return Picture(figure, reading, sentences, [], lines, looks)
+        words = self.material.words
+        if isinstance(figure, Influence):
+            specs = next(
+                cell.spec["filters"] for cell in self.scenario.cells if cell.reading == reading.partition("+")[0]
+            )
+            curves = list(influence_points(figure, specs, reading))
+            return Picture(figure, reading, caption(figure, curves, words), curves, [], looks, words)
         picture = Picture(figure, reading, "", [], [], looks)
         path = self.results.folder / "figures" / f"{picture.stem}.csv"
         found = self._kept(path, read_points) if needs_runs(figure) else None
         found = found or points(figure, self.material, reading)
-        return Picture(figure, reading, caption(figure, found), found, [], looks)
+        return Picture(
+            figure, reading, caption(figure, found, self.material.words), found, [], looks, self.material.words
+        )
 
     def _kept(self, path: Path, read: Any) -> Any:
         """What an earlier rendering wrote, where the numbers of single runs are gone."""

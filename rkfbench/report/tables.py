@@ -1,5 +1,9 @@
 """Tables: ours with standard errors, the paper's printed number beneath each; as CSV, Markdown and LaTeX.
 
+Under a printed number stand the ratio ours/printed, z = (ours - printed)/sqrt(se^2 + se_p^2), and, where our runs are
+some multiple of the paper's, the range of our number over disjoint batches of as many runs as the paper had. se_p is
+the standard error of the printed number: printed sd/sqrt(n) of a mean whose sd is printed too, else from our own runs.
+
 The CSV is tidy, one number a line, and everything else is laid out from it: `entries` picks numbers out of the results,
 `layouts` puts them into rows and columns, one sheet a reading, and `markdown` and `latex` write the sheets down.
 """
@@ -14,10 +18,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rkfbench.report.captions import case_name, casualties, metric_name
+from rkfbench.report.captions import casualties
 from rkfbench.report.material import Material, distinct, is_time, printed_numbers, text
-from rkfbench.report.numbers import Written, as_printed, written
-from rkfbench.report.style import display_name
+from rkfbench.report.numbers import SUPERSCRIPT, Written, as_printed, written
+from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario.display import Table
 from rkfbench.store import files
 
@@ -39,6 +43,12 @@ class Entry(NamedTuple):
     runs: int | None
     failed: int | None
     lost: int | None
+    ratio: float | None = None  # ours/printed
+    z: float | None = None
+    batch_runs: int | None = None  # the paper's number of runs
+    batches: int | None = None
+    batch_low: float | None = None
+    batch_high: float | None = None
 
     @property
     def written(self) -> Written:
@@ -54,11 +64,17 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True)
 class Line:
-    """A row: ours, and the paper's numbers when it prints some."""
+    """A row: ours, and the paper's numbers when it prints some, with lines (heading, cells) on how the two compare."""
 
     heading: str
     cells: tuple[Entry | None, ...]
     printed: tuple[str, ...] = ()
+    against: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+    @property
+    def beneath(self) -> list[tuple[str, tuple[str, ...]]]:
+        """The lines (heading, cells) under a row for which the paper prints numbers."""
+        return [("paper", self.printed), *self.against] if self.printed else []
 
 
 @dataclass(frozen=True)
@@ -94,16 +110,41 @@ def entries(table: Table, material: Material) -> list[Entry]:
                 value = None if math.isnan(value) and ours.get(statistic) is None else value
                 median, runs, failed, lost = ours.get("median"), ours["runs"], ours.get("failed"), ours.get("lost")
             place = (reading, row, column, case, label, metric, statistic)
-            found.append(Entry(*place, value, se, theirs, median, runs, failed, lost))
+            entry = Entry(*place, value, se, theirs, median, runs, failed, lost)
+            if printed and theirs is not None and value is not None and not is_time(metric):
+                spread = numbers.get((label, case, metric, "sd")) if statistic == "mean" else None
+                entry = _compared(entry, printed.runs, spread, material)
+            found.append(entry)
     return found
 
 
+def _compared(entry: Entry, n: int, spread: float | None, material: Material) -> Entry:
+    """The entry with ratio, z and range of batches against a number printed from n runs, whose sd may be printed."""
+    ours, printed = entry.value, entry.printed
+    assert ours is not None
+    assert printed is not None
+    z = None
+    if entry.se and entry.runs:
+        se_p = entry.se * math.sqrt(entry.runs / n)
+        if entry.statistic == "sd":
+            se_p *= printed / ours
+        elif spread is not None:
+            se_p = spread / math.sqrt(n)
+        z = (ours - printed) / math.hypot(entry.se, se_p)
+    entry = entry._replace(ratio=ours / printed if printed else None, z=z)
+    key = (entry.reading, entry.case, entry.filter, entry.metric)
+    batches = material.batches(key, entry.statistic, n) if (entry.runs or 0) >= 2 * n else []
+    if not batches:
+        return entry
+    return entry._replace(batch_runs=n, batches=len(batches), batch_low=min(batches), batch_high=max(batches))
+
+
 def needs_runs(table: Table) -> bool:
-    """Whether some error comes from numbers per run, which a committed folder does not keep."""
-    return bool({"median", "sd"} & set(table.statistics)) or table.metric is None
+    """Whether some error or range comes from numbers per run, which a committed folder does not keep."""
+    return bool({"median", "sd"} & set(table.statistics)) or table.paper is not None
 
 
-def layouts(table: Table, found: Sequence[Entry], decimals: int | None = None) -> list[Sheet]:
+def layouts(table: Table, found: Sequence[Entry], decimals: int | None = None, words: Words = PLAIN) -> list[Sheet]:
     """The entries as sheets, one a reading."""
     sheets = []
     for reading in distinct(entry.reading for entry in found):
@@ -115,9 +156,28 @@ def layouts(table: Table, found: Sequence[Entry], decimals: int | None = None) -
             cells = tuple(at.get((row, column)) for column in columns)
             numbers = [None if cell is None else cell.printed for cell in cells]
             printed = tuple("" if number is None else as_printed(number, decimals) for number in numbers)
-            lines.append(Line(row, cells, printed if any(printed) else ()))
-        sheets.append(Sheet(reading, tuple(columns), tuple(lines), _note(table, mine)))
+            lines.append(Line(row, cells, printed, _against(cells)) if any(printed) else Line(row, cells))
+        sheets.append(Sheet(reading, tuple(columns), tuple(lines), _note(table, mine, words)))
     return sheets
+
+
+def _against(cells: Sequence[Entry | None]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """The lines under the printed numbers: ratio and z; range of the batches."""
+    ratios = ["" if cell is None or cell.ratio is None else f"{cell.ratio:.3g}" for cell in cells]
+    zs = ["" if cell is None or cell.z is None else f"{cell.z:+.1f}".replace("-", "−") for cell in cells]
+    ranges = ["" if cell is None else _range(cell) for cell in cells]
+    counts = distinct(f"{cell.batches} × {cell.batch_runs}" for cell in cells if cell and cell.batches)
+    lines = {
+        "ours/paper; z": tuple("; ".join(filter(None, pair)) for pair in zip(ratios, zs, strict=True)),
+        f"range of {' or '.join(counts)} runs": tuple(ranges),
+    }
+    return tuple((heading, line) for heading, line in lines.items() if any(line))
+
+
+def _range(cell: Entry) -> str:
+    if cell.batch_low is None or cell.batch_high is None:
+        return ""
+    return f"{written(cell.batch_low).text()} to {written(cell.batch_high).text()}"
 
 
 def write_entries(path: Path, found: Iterable[Entry]) -> None:
@@ -137,8 +197,7 @@ def markdown(table: Table, sheets: Sequence[Sheet], level: int = 1) -> str:
         rows = [["", *sheet.headings]]
         for line in sheet.lines:
             rows.append([line.heading, *("" if cell is None else _plain(cell) for cell in line.cells)])
-            if line.printed:
-                rows.append(["*paper*", *(f"*{number}*" if number else "" for number in line.printed)])
+            rows += [[f"*{each}*" if each else "" for each in (heading, *cells)] for heading, cells in line.beneath]
         escaped = [" | ".join(cell.replace("|", r"\|") for cell in row) for row in rows]
         rule = " | ".join(["---", *["---:"] * len(sheet.headings)])
         parts.append("\n".join(f"| {row} |" for row in (escaped[0], rule, *escaped[1:])))
@@ -153,13 +212,14 @@ def latex(table: Table, sheets: Sequence[Sheet]) -> str:
 
 def escape(plain: str) -> str:
     """Plain text as LaTeX."""
-    return re.sub(r"[\\&%$#_{}~^±∞−–·]", lambda match: _TEX[match[0]], plain)
+    return re.sub(r"[\\&%$#_{}~^×±∞−–·⁻⁰¹²³⁴⁵⁶⁷⁸⁹]", lambda match: _TEX[match[0]], plain)
 
 
 _TEX: Mapping[str, str] = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
-    "±": r"$\pm$", "∞": r"$\infty$", "−": r"$-$", "–": "--", "·": r"$\cdot$",
+    "×": r"$\times$", "±": r"$\pm$", "∞": r"$\infty$", "−": r"$-$", "–": "--", "·": r"$\cdot$",
     **{character: "\\" + character for character in "&%$#_{}"},
+    **{chr(raised): rf"\textsuperscript{{{chr(plain)}}}" for plain, raised in SUPERSCRIPT.items()},
 }  # fmt: skip
 
 
@@ -170,9 +230,9 @@ def _latex_sheet(table: Table, sheet: Sheet) -> str:
     body = [row("", map(escape, sheet.headings)), r"\midrule"]
     for line in sheet.lines:
         body.append(row(escape(line.heading), ("" if cell is None else _tex(cell) for cell in line.cells)))
-        if line.printed:
-            printed = (rf"\textit{{{escape(number)}}}" if number else "" for number in line.printed)
-            body.append(row(r"\quad\textit{paper}", printed))
+        for heading, cells in line.beneath:
+            italic = (rf"\textit{{{escape(number)}}}" if number else "" for number in cells)
+            body.append(row(rf"\quad\textit{{{escape(heading)}}}", italic))
     caption = " ".join(part for part in (f"{table.title or table.id}.", table.caption, sheet.note) if part)
     label = "-".join(part for part in (table.id, re.sub(r"[^A-Za-z0-9]+", "-", sheet.reading)) if part)
     head = [r"\begin{table}", r"\centering", rf"\caption{{{escape(caption)}}}", rf"\label{{tab:{label}}}"]
@@ -188,19 +248,19 @@ def _tex(entry: Entry) -> str:
     return f"{entry.written.tex()} ({escape(entry.note)})" if entry.note else entry.written.tex()
 
 
-def _note(table: Table, found: Sequence[Entry]) -> str:
+def _note(table: Table, found: Sequence[Entry], words: Words) -> str:
     """Below a sheet: statistic, runs, unit, reading, and who failed."""
     statistics = " and ".join(distinct(entry.statistic for entry in found))
     runs = distinct(entry.runs for entry in found if entry.runs is not None)
     what = "repeats" if all(is_time(entry.metric) for entry in found) else "runs"
     over = f" over {' or '.join(map(str, runs))} {what}" if runs else ""
     metrics = distinct(entry.metric for entry in found)
-    of = f" of {metric_name(metrics[0])}" if len(metrics) == 1 else ""
+    of = f" of {words.metric(metrics[0])}" if len(metrics) == 1 else ""
     parts = [f"{statistics.capitalize()}{of}{over} ± one standard error"]
     parts.append(f"unit: {table.unit}" if table.unit else "")
     parts.append("in italics: as printed in the paper" if any(entry.printed is not None for entry in found) else "")
     parts.append(f"reading: {found[0].reading}" if found[0].reading not in ("", "default") else "")
-    sentences = ["; ".join(part for part in parts if part), casualties(found)]
+    sentences = ["; ".join(part for part in parts if part), casualties(found, words)]
     return " ".join(f"{sentence}." for sentence in sentences if sentence)
 
 
@@ -223,9 +283,9 @@ def _own_layout(table: Table, material: Material, reading: str) -> Iterable[tupl
     rows += [each for each in values if each not in (*rows, *columns) and len(values[each]) > 1]
     order = [*rows, *columns, *(each for each in values if each not in (*rows, *columns))]
     names: dict[str, Callable[[str], str]] = {
-        "case": case_name,
-        "filter": display_name,
-        "metric": metric_name,
+        "case": material.words.case,
+        "filter": material.words.filter,
+        "metric": material.words.metric,
         "statistic": str,
     }
     for combination in product(*(values[each] for each in order)):

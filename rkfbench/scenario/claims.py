@@ -159,6 +159,12 @@ class Slope(_Bounded):
     )
 
 
+class Eigenvalue(_Bounded):
+    """The least eigenvalue of a symmetric matrix of such numbers: its lower triangle, row by row."""
+
+    along: Along = Field(default="metric", description="along which list")
+
+
 class Show(Measurement):
     """The number with its interval, no region: only `beside`."""
 
@@ -191,7 +197,8 @@ class Undecided(Strict):
 
 
 KINDS = (
-    *("ordering", "best", "equal", "trend", "shape", "bound", "ratio", "share", "slope", "show"),
+    *("ordering", "best", "equal", "trend", "shape", "bound", "ratio", "share", "slope"),
+    *("eigenvalue", "show"),
     *("value", "exact", "unsupported", "not_testable"),
 )
 
@@ -208,6 +215,9 @@ class Part(Strict):
     ratio: Ratio | None = Field(default=None, description="the first over each of the others, within bounds")
     share: Share | None = Field(default=None, description="in how many runs the first is the smallest")
     slope: Slope | None = Field(default=None, description="slope over a swept number, within bounds")
+    eigenvalue: Eigenvalue | None = Field(
+        default=None, description="least eigenvalue of a symmetric matrix, within bounds"
+    )
     show: Show | None = Field(default=None, description="a number without a region (only `beside`)")
     value: Value | None = Field(default=None, description="printed numbers of the paper")
     exact: Exact | None = Field(default=None, description="checks of algebra, theorems, counts")

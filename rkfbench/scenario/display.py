@@ -61,7 +61,7 @@ class Item(Strict):
         default="", description="what the reader should know; runs, reading and cases are added by themselves"
     )
     readings: Annotated[list[Name], Field(min_length=1)] | None = Field(
-        default=None, description="readings; default: all"
+        default=None, description="readings, or switches as `reading+switch`; default: all readings"
     )
 
 
@@ -151,6 +151,24 @@ class Bars(Plot):
     paper: Name | None = Field(default=None, description="a printed table of the paper whose numbers are marked")
 
 
+class Influence(Item):
+    """The influence of one measurement: x+ - x- of one update of a scalar state, y = x + v, against the innovation.
+
+    A function of the filters as the scenario describes them; no result enters.
+    """
+
+    kind: Literal["influence"]
+    filters: Annotated[list[Name], Field(min_length=1)] = Field(description="labels of filters, in order")
+    prior: float = Field(default=1.0, gt=0, description="variance P- of the prediction")
+    noise: float = Field(default=1.0, gt=0, description="variance R of the measurement")
+    largest: float = Field(default=10.0, gt=0, description="innovations from -largest to largest are drawn")
+    x: Axis = Field(default=Axis(), description="the horizontal axis")
+    y: Axis = Field(default=Axis(), description="the vertical axis")
+    rows: None = None
+    columns: None = None
+    share: None = None
+
+
 class Forest(Item):
     """Claims as intervals against their claimed regions."""
 
@@ -160,7 +178,7 @@ class Forest(Item):
     )
 
 
-Figure = Annotated[Curve | Panels | Sweep | Runs | Bars | Forest, Field(discriminator="kind")]
+Figure = Annotated[Curve | Panels | Sweep | Runs | Bars | Influence | Forest, Field(discriminator="kind")]
 
 
 class Table(Selection):

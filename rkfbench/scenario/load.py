@@ -60,6 +60,7 @@ def load(
         paper=file.paper if isinstance(file.paper, str) else None,
         citation=file.paper if isinstance(file.paper, Citation) else None,
         notes=file.notes,
+        names=file.names,
         seed=file.seed,
         runs=file.runs.paper,
         paper_runs=file.runs.paper,

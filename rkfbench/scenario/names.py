@@ -1,4 +1,6 @@
-"""Whether the names that tables, figures and claims use exist: metrics, filters, cases, readings, sweep columns."""
+"""Whether what tables, figures and claims name exists: metrics, filters, cases, readings, sweep columns; and what
+`names` gives other names to.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +27,12 @@ def unknown_names(
     known = known_names(cells, columns)
     if paper is not None:
         known |= {"printed": list(paper.tables), "claim": [claim.id for claim in (*paper.claims, *file.claims)]}
+    shown = [*known["metric"], *known["filter"], *columns]
+    shown += dict.fromkeys(part for case in known["case"] for part in (case, *case.split(",")))
+    for label in file.names:
+        if label not in shown:
+            message = f"no case, sweep column, filter or metric '{label}' here{did_you_mean(label, shown)}"
+            yield SpecError(message, ("names", label))
     for section in ("tables", "figures", "claims"):
         seen: set[str] = set()
         for index, item in enumerate(getattr(file, section)):
@@ -52,7 +60,7 @@ def known_names(cells: Sequence[Cell], columns: Sequence[str]) -> dict[str, list
         "metric": [*(metric for cell in cells for metric in cell.spec["metrics"]), *COUNTED],
         "filter": [each["label"] for each in filters],
         "case": [cell.case for cell in cells],
-        "reading": [cell.reading for cell in cells],
+        "reading": [cell.reading + (f"+{cell.switch}" if cell.switch else "") for cell in cells],
         "over": [*columns, *parameters],
     }
     return {kind: list(dict.fromkeys(each)) for kind, each in names.items()}

@@ -31,6 +31,7 @@ class Scenario:
     paper: str | None  # name of a paper file
     citation: Citation | None  # what the scenario itself says of its source
     notes: str
+    names: dict[str, str]  # what readers see in the place of labels
     seed: int
     runs: int  # in force: those of the paper, if nothing else is wanted
     paper_runs: int

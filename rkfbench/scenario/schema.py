@@ -164,7 +164,7 @@ class Experiment(Strict):
     )
 
 
-META = ("name", "title", "paper", "notes", "seed", "runs")
+META = ("name", "title", "paper", "notes", "names", "seed", "runs")
 
 
 class ScenarioFile(Experiment):
@@ -180,6 +180,10 @@ class ScenarioFile(Experiment):
         | None
     ) = Field(default=None, description="name of a file in scenarios/papers, or {cite, doi}")
     notes: str = Field(default="", description="free text for the reader")
+    names: dict[str, Text] = Field(
+        default={},
+        description="label of a case, sweep column, point (`rate=0.1`), filter or metric: what readers see",
+    )
     seed: int = Field(default=0, ge=0, description="seed of all random streams")
     runs: Runs = Field(default=Runs(), description="numbers of Monte Carlo runs")
     readings: dict[str, Overrides] = Field(default={}, description="ways to read the paper; the first is the headline")

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from rkfbench.scenario import Cell, Scenario
 
 STATISTICS = ("mean", "se", "sd", "median", "q05", "q95")
+CURVE_STATISTICS = frozenset({"mean", "median", "first"})
+MOST_STEPS, STRETCHES = 600, 200
 
 
 @dataclass(frozen=True)
@@ -74,27 +76,50 @@ def _summary(
                 row = summarise(values[there], part.failed[there], _is_root(metric))
                 yield {**identity, "metric": metric, **counts, **row}
             for metric, curve in part.curves.items():
-                if not kept(scenario, each.cell, label, metric):
-                    continue
-                series.extend({**identity, "metric": metric, **row} for row in along(curve, _is_root(metric)))
+                wanted = shown(scenario, each.cell, label, metric)
+                rows = list(along(curve, _is_root(metric))) if wanted else []
+                series.extend({**identity, "metric": metric, **row} for row in thinned(rows, wanted))
 
 
-def kept(scenario: Scenario, cell: Cell, label: str, metric: str) -> bool:
-    """Whether series.csv has this curve: where figures show the metric, what they show of it; else all of it.
+def shown(scenario: Scenario, cell: Cell, label: str, metric: str) -> frozenset[str]:
+    """Which statistics of a curve series.csv keeps: those that figures show, all if none shows the metric at all.
 
-    Curves are long; those of all cases and filters would make a folder too large to be committed. The blocks keep them.
+    Curves are long; all of those of all cases and filters would make a folder too large to be committed. The blocks
+    keep them.
     """
     from rkfbench.scenario.display import Steps, case_matches
 
     extra = any(each["label"] == label and each.get("extra") for each in cell.spec["filters"])
     figures = [each for each in scenario.figures if isinstance(each, Steps)]
     figures = [each for each in figures if metric in (*each.metrics, each.beside, each.band)]
-    return not figures or any(
-        (cell.switch is None if each.readings is None else plan.reading(cell) in each.readings)
+    if not figures:
+        return CURVE_STATISTICS
+    return frozenset(
+        "mean" if metric == each.band and each.statistic == "first" else each.statistic
+        for each in figures
+        if (cell.switch is None if each.readings is None else plan.reading(cell) in each.readings)
         and (not cell.extra if each.cases is None else any(case_matches(name, cell.case) for name in each.cases))
         and (not extra if each.filters is None else label in each.filters)
-        for each in figures
     )
+
+
+def thinned(rows: list[dict[str, Any]], wanted: frozenset[str]) -> list[dict[str, Any]]:
+    """The rows of a curve with the statistics that are wanted, and no more steps than a figure can show.
+
+    Of a curve of more than MOST_STEPS steps each of STRETCHES equal stretches keeps the steps with its least and its
+    largest value, so that every peak stays where it is. With all statistics wanted the curve is left whole.
+    """
+    if wanted == CURVE_STATISTICS:
+        return rows
+    if len(rows) > MOST_STEPS:
+        keep = {0, len(rows) - 1}
+        for stretch in np.array_split(np.arange(len(rows)), STRETCHES):
+            for name in sorted(wanted):
+                values = [(rows[i][name], i) for i in stretch.tolist() if rows[i][name] is not None]
+                keep |= {min(values)[1], max(values)[1]} if values else set()
+        rows = [rows[i] for i in sorted(keep)]
+    columns = {"k", *wanted} | ({"se"} if "mean" in wanted else set())
+    return [{name: value if name in columns else None for name, value in row.items()} for row in rows]
 
 
 def _whole(units: Sequence[Unit], label: str) -> Part:

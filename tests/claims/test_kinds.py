@@ -125,6 +125,23 @@ def test_the_slope_is_the_least_squares_slope_over_the_swept_numbers() -> None:
     assert row.observed.measured.se == pytest.approx(stats.sem(per_run))
 
 
+def test_the_least_eigenvalue_is_that_of_the_matrix_of_means_with_a_jackknife_error() -> None:
+    x = np.random.default_rng(2).normal(size=(M, 2)) @ [[2.0, 0.6], [0.0, 0.5]]
+    entries = {"e11": x[:, 0] ** 2, "e21": x[:, 0] * x[:, 1], "e22": x[:, 1] ** 2}
+    stats = Arrays({("", "a", name): each for name, each in entries.items()})
+    body = {"metric": list(entries), "filters": "a", "above": 0}
+    (row,) = rows_of({"eigenvalue": body}, stats)
+    assert row.observed is not None
+    covariance = x.T @ x / M
+    assert row.observed.measured.estimate == pytest.approx(np.linalg.eigvalsh(covariance)[0])
+    without = [np.linalg.eigvalsh((x.T @ x - np.outer(each, each)) / (M - 1))[0] for each in x]
+    assert row.observed.measured.se == pytest.approx(np.std(without) * np.sqrt(M - 1), rel=1e-9)
+    assert row.verdict == "reproduced"
+    assert row.cell.form.text == "a in least eigenvalue of 2 x 2 e11 .. e22"
+    with pytest.raises(SpecError, match="2 entries are no lower triangle"):
+        rows_of({"eigenvalue": {**body, "metric": ["e11", "e21"]}}, stats)
+
+
 def test_points_of_a_slope_are_given_or_stand_in_the_labels() -> None:
     assert slope_weights(("R1,q=1", "R1,q=3")) == slope_weights(("x", "y"), [1, 3]) == (-0.5, 0.5)
     with pytest.raises(SpecError, match="one number each"):

@@ -3,6 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rkfbench.claims.measure import share_terms
+from rkfbench.claims.records import record, stored
+from rkfbench.claims.verdict import Measured, interval
 from rkfbench.claims.words import sentence
 from tests.claims.fakes import Arrays, rows_of, verdict_of
 
@@ -99,3 +102,62 @@ def test_a_median_counts_failed_runs_as_infinite() -> None:
     assert row.observed.measured.estimate == pytest.approx(np.median(np.where(many, np.inf, A)))
     assert row.verdict == "reproduced"
     assert verdict_of(claim, stats(a=np.where(np.arange(M) < 200, np.nan, A))) == "inconclusive"
+
+
+def share_row(filters: str, region: dict[str, float], lost_a: object, lost_b: object):
+    (row,) = rows_of({"bound": {"metric": "lost", "filters": filters, **region}}, stats(lost_a=lost_a, lost_b=lost_b))
+    assert row.observed is not None
+    return row, row.observed.measured
+
+
+def test_a_difference_of_shares_looks_at_the_runs_in_which_the_filters_differ() -> None:
+    gone_a, gone_b = np.arange(M) < 200, (np.arange(M) >= 3) & (np.arange(M) < 210)
+    row, measured = share_row("a - b", {"above": -0.2, "below": 0.2}, gone_a, gone_b)
+    assert measured.terms == ((-1.0, 10), (1.0, 3))
+    assert measured.estimate == pytest.approx((3 - 10) / M)
+    assert row.verdict == "reproduced"
+    assert -0.1 < row.judgement.lower < measured.estimate < row.judgement.upper < 0.03
+
+
+def test_a_sum_and_a_multiple_of_shares_have_their_terms() -> None:
+    gone_a, gone_b = np.arange(M) < 30, np.arange(M) < 20
+    assert share_row("a + b", {"below": 1}, gone_a, gone_b)[1].terms == ((1.0, 10), (2.0, 20))
+    assert share_row("0.5 * a", {"below": 1}, gone_a, gone_b)[1].terms == ((0.5, 30),)
+    assert share_row("0.5 * a - b", {"below": 1}, gone_a, gone_b)[1].terms == ((0.5, 30), (-1.0, 20))
+
+
+def test_a_quotient_of_shares_is_no_sum() -> None:
+    gone = np.arange(M) < 30
+    assert share_row("a / b", {"below": 9}, gone, gone)[1].law == "t"
+
+
+def test_no_lost_run_at_all_does_not_prove_equal_shares() -> None:
+    none = np.zeros(M, bool)
+    row, measured = share_row("a - b", {"above": -0.001, "below": 0.001}, none, none)
+    assert (measured.estimate, measured.se, measured.law) == (0.0, 0.0, "shares")
+    assert row.verdict == "inconclusive"
+
+
+def test_the_interval_of_a_difference_of_shares_never_covers_less_than_promised() -> None:
+    draws, runs, studies = np.random.default_rng(4), 60, 2000
+    common = draws.random((studies, runs))
+    flags = common < 0.15, (common < 0.1) | (draws.random((studies, runs)) < 0.02)
+    truth, missed = 0.15 - (0.1 + 0.9 * 0.02), 0
+    for a, b in zip(*flags, strict=True):
+        terms = share_terms(np.array([1.0, -1.0]), np.array([a, b], float))
+        low, high = interval(Measured((a.sum() - b.sum()) / runs, 0.0, runs, "shares", terms=terms), 0.025)
+        missed += not low <= truth <= high
+    assert missed <= 0.05 * studies
+
+
+def test_a_stored_sum_of_shares_is_judged_as_one() -> None:
+    row, measured = share_row("a - b", {"above": -0.2, "below": 0.2}, np.arange(M) < 12, FIRST)
+    line = record(row)
+    assert line["terms"] == "-1.0:0 1.0:9"
+    kept = stored(line).observed
+    assert kept is not None
+    assert kept.measured == measured
+    del line["terms"]  # as files were before there was this law
+    old = stored({**line, "law": "t"}).observed
+    assert old is not None
+    assert old.measured.terms == ()

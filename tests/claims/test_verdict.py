@@ -46,6 +46,25 @@ def test_runs_that_all_tie_leave_room_for_what_was_not_seen() -> None:
     assert 0.45 < low < 0.5 < high < 0.55
 
 
+def test_a_sum_of_shares_adds_the_ends_of_clopper_and_pearson_at_a_part_of_the_tail() -> None:
+    measured = Measured((7 - 3) / 100, nan, 100, "shares", terms=((-1.0, 3), (1.0, 7)))
+    (low_7, high_7), (low_3, high_3) = (proportion_confint(n, 100, 0.025, "beta") for n in (7, 3))
+    assert interval(measured, 0.025) == pytest.approx((low_7 - high_3, high_7 - low_3), abs=1e-12)
+
+
+def test_runs_without_any_difference_decide_only_what_they_are_enough_for() -> None:
+    """No run lost by one filter alone: of 1000 runs that bounds the difference by 1.1 %, of 100 runs by 10 %."""
+    within = Region(-0.02, 0.02)
+    none = Measured(0.0, 0.0, 1000, "shares", terms=((-1.0, 0), (1.0, 0)))
+    assert judge(none, within, 590).verdict == "reproduced"
+    few = none.at(100)
+    judgement = judge(few, within, 590)
+    assert judgement.verdict == "inconclusive"
+    assert judgement.runs_needed is not None
+    assert 100 < judgement.runs_needed < 1000
+    assert judge(none, Region(high=0.0), 1).verdict == "inconclusive"  # nothing proves that there is none at all
+
+
 @pytest.mark.parametrize(
     ("estimate", "region", "verdict"),
     [

@@ -85,3 +85,13 @@ def test_a_score_that_is_not_one_number_of_the_estimates_is_refused(text):
     with pytest.raises(SpecError) as caught:
         Experiment.of({**SPECS["navigation"], "score": text})
     assert caught.value.path[0] == "score"
+
+
+def test_entries_of_the_excess_make_up_the_matrix_of_which_excess_is_the_trace():
+    error = MEAN - TRUTH
+    np.testing.assert_allclose(value("excess_entry[px,py]@3"), COV[2, 0, 1] - error[2, 0] * error[2, 1])
+    diagonal = value("excess_entry[px,px]@3") + value("excess_entry[py,py]@3")
+    np.testing.assert_allclose(diagonal, value("excess@3"))
+    for text in ("excess_entry@3", "excess_entry[px]@3"):
+        with pytest.raises(SpecError, match="needs two states, or one named twice"):
+            value(text)

@@ -84,6 +84,10 @@ def test_shares_and_means_of_what_a_filter_shows():
     assert metrics.get("share_below(name=alpha,component=B,limit=0.5)")(shown)[0] == 0
     assert metrics.get("share_above(name=alpha,component=A,limit=0.5)")(shown)[0] == 0.75
     assert metrics.get("mean_of(name=alpha,component=A)")(shown)[0] == pytest.approx(0.85)
+    flags = np.zeros((T, 2, 1), bool)
+    flags[[4, 20, 30], 0] = True
+    at_outliers = metrics.get("mean_of(name=alpha,component=A,steps=outlier)")(trial(flags=flags, alpha=alpha))
+    assert at_outliers[0] == pytest.approx((0.4 + 1 + 1) / 3)
 
 
 def test_a_component_that_does_not_exist_is_refused_with_its_place():

@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from rkfbench.report import figures, style
-from rkfbench.report.captions import caption, case_name, metric_name
+from rkfbench.report.captions import caption
 from rkfbench.report.material import Material
 from rkfbench.report.points import Lines, Point, points
 from rkfbench.scenario.display import Figure
@@ -127,10 +127,3 @@ def test_the_caption_says_what_over_how_many_runs_and_where(material: Material) 
         "Error norm (82). Mean of error norm over 60 runs at each step; band: ± 2 standard errors. "
         f"Case rate = 0.4. Reading root. Runs failed (left out of means) or lost: KF {lost} lost."
     )
-
-
-def test_names_of_metrics_and_cases_can_be_read() -> None:
-    assert metric_name("mse[px]@900") == "MSE [px] at k = 900"
-    assert metric_name("err_norm[px,py]@k") == "error norm [px, py]"
-    assert metric_name("rmse@500..560") == "RMSE at k = 500 to 560"
-    assert case_name("R2,rate=0.2") == "R2, rate = 0.2"

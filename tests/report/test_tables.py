@@ -2,6 +2,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 from rkfbench.report import tables
 from rkfbench.report.material import Material
 from rkfbench.scenario.display import Table
@@ -22,6 +25,48 @@ def test_a_printed_table_gives_rows_columns_and_headings(material: Material) -> 
     cell = found.lines[1].cells[0]
     assert cell is not None
     assert cell.value == material.summary["literal", "rate=0.2", "kf", "err_norm"]["mean"]
+
+
+def spread_table(material: Material) -> Material:
+    """Mean and sd of one filter in one case, printed from 20 runs."""
+    columns = [PrintedLine(label="mean", filter="kf"), PrintedLine(label="sd", filter="kf", statistic="sd")]
+    rows = [PrintedRow(label="x", case="rate=0.2", values=[4.0, 0.5])]
+    return fakes.material(material.results, fakes.printed_table(columns=columns, rows=rows, runs=20))
+
+
+def test_under_a_printed_number_stand_ratio_z_and_the_range_over_batches_of_the_papers_runs(material: Material) -> None:
+    key = "literal", "rate=0.2", "kf", "err_norm"
+    x = material.results.values(*key)
+    mean, sd = tables.entries(Table(id="t", paper="table-1"), spread_table(material))[:2]
+    assert mean.ratio == pytest.approx(x.mean() / 4)
+    assert mean.z == pytest.approx((x.mean() - 4) / np.sqrt(x.var(ddof=1) / 60 + 0.5**2 / 20))  # the printed sd
+    assert sd.se is not None
+    of_the_paper = 0.5 * sd.se / x.std(ddof=1) * np.sqrt(60 / 20)
+    assert sd.z == pytest.approx((x.std(ddof=1) - 0.5) / np.hypot(sd.se, of_the_paper))
+    for entry, statistic in ((mean, np.mean(x.reshape(3, 20), 1)), (sd, np.std(x.reshape(3, 20), 1, ddof=1))):
+        assert (entry.batches, entry.batch_runs) == (3, 20)
+        assert (entry.batch_low, entry.batch_high) == pytest.approx((statistic.min(), statistic.max()))
+    lines = tables.markdown(
+        Table(id="t", paper="table-1"), [sheet(Table(id="t", paper="table-1"), spread_table(material))]
+    )
+    assert [line.split("|")[1].strip() for line in lines.splitlines()[4:8]] == [
+        "x",
+        "*paper*",
+        "*ours/paper; z*",
+        "*range of 3 × 20 runs*",
+    ]
+
+
+def test_fewer_than_two_batches_have_no_range_and_times_no_z(material: Material) -> None:
+    (mean, *_) = tables.entries(Table(id="t", paper="table-1"), material)
+    assert mean.ratio is not None
+    assert mean.batches is None
+    timed = fakes.printed_table(
+        columns=[PrintedLine(label="KF", filter="kf", metric="time_ms")],
+        rows=[PrintedRow(label="x", case="rate=0.05", values=[14.0])],
+    )
+    (time,) = tables.entries(Table(id="t", paper="table-1"), fakes.material(material.results, timed))
+    assert (time.ratio, time.z) == (None, None)
 
 
 def test_printed_numbers_without_ours_are_shown_all_the_same(material: Material) -> None:

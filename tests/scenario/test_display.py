@@ -18,6 +18,7 @@ FIGURES: TypeAdapter[Any] = TypeAdapter(Figure)
         {"kind": "sweep", "over": "rate", "metric": ["rmse", "cond_S"], "whiskers": "sd"},
         {"kind": "runs", "metric": "rmse", "first": 50},
         {"kind": "bars", "metric": "rmse", "paper": "table1"},
+        {"kind": "influence", "filters": ["kf", "hkf"], "prior": 4.0, "largest": 20.0},
         {"kind": "forest", "claims": ["C1"]},
     ],
     ids=lambda figure: figure["kind"],

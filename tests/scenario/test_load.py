@@ -146,3 +146,11 @@ def test_the_contamination_study_has_the_papers_cases_under_two_readings() -> No
         assert {0, 0.05, 0.2, 0.3, 0.4} <= set(rates)
     assert (scenario.runs, scenario.cells[0].spec["steps"]) == (100, 500)
     assert len({cell.switch for cell in scenario.sensitivity}) == 12
+
+
+def test_a_name_for_what_is_not_there_is_an_error(change, problems) -> None:
+    names = "names: {rate: share of outliers, near: close by, kf: the KF, rmse: error, rate=0.2: many}\nsteps: 5"
+    assert change({"steps: 5": names}).names["rate"] == "share of outliers"
+    assert problems({"steps: 5": names.replace("near:", "neer:")}) == [
+        "a.yaml:4:40: names.neer: no case, sweep column, filter or metric 'neer' here (did you mean 'near'?)"
+    ]

@@ -63,19 +63,49 @@ def test_every_number_of_the_summary_has_its_formula(tmp_path: Path, compute: fa
     assert pooled["se"] == pytest.approx(plain["se"] / 2 / pooled["mean"], rel=1e-14)
 
 
-def test_a_curve_that_a_figure_shows_is_kept_where_it_shows_it_and_any_other_everywhere() -> None:
+def test_of_a_curve_that_figures_show_what_they_show_is_kept_and_any_other_is_kept_whole() -> None:
     from rkfbench.scenario.display import Curve
-    from rkfbench.study.outputs import kept
+    from rkfbench.study.outputs import CURVE_STATISTICS, shown
 
     figure = Curve(kind="curve", id="fig1", metric="rmse@k", band="sd@k", cases=["rate=0.1"], filters=["kf"])
     study = fakes.scenario(filters=["kf", "hkf"], figures=(figure,))
-    for metric, expected in (("rmse@k", [True, False]), ("sd@k", [True, False]), ("nees@k", [True, True])):
-        assert [kept(study, study.cells[0], label, metric) for label in ("kf", "hkf")] == expected
-        assert [kept(study, cell, "kf", metric) for cell in study.cells] == expected
+    mean, nothing = {"mean"}, set()
+    for metric, expected in (
+        ("rmse@k", [mean, nothing]),
+        ("sd@k", [mean, nothing]),
+        ("nees@k", [CURVE_STATISTICS] * 2),
+    ):
+        assert [shown(study, study.cells[0], label, metric) for label in ("kf", "hkf")] == expected
+        assert [shown(study, cell, "kf", metric) for cell in study.cells] == expected
     every = fakes.scenario(
         filters=["kf", "spare"], figures=(figure.model_copy(update={"cases": None, "filters": None}),)
     )
-    assert [kept(every, every.cells[1], label, "rmse@k") for label in ("kf", "spare")] == [True, False]
+    assert [shown(every, every.cells[1], label, "rmse@k") for label in ("kf", "spare")] == [mean, nothing]
+    path = figure.model_copy(update={"statistic": "first"})
+    both = fakes.scenario(filters=["kf"], figures=(path, figure.model_copy(update={"metric": "sd@k", "band": None})))
+    assert shown(both, both.cells[0], "kf", "rmse@k") == {"first"}
+    assert shown(both, both.cells[0], "kf", "sd@k") == {"mean"}  # the band of a single path is that over all runs
+
+
+def test_a_long_curve_keeps_its_ends_and_its_peaks_and_a_short_one_all() -> None:
+    from rkfbench.study.outputs import CURVE_STATISTICS, MOST_STEPS, STRETCHES, thinned
+
+    path = np.random.default_rng(8).normal(size=1500)
+    path[[299, 600]] = 40.0, -40.0
+    rows = [{"k": k, "mean": 0.1 * x, "se": 0.2, "median": x, "first": float(x)} for k, x in enumerate(path, 1)]
+    few = thinned(rows, frozenset({"first"}))
+    kept = {row["k"]: row["first"] for row in few}
+    assert len(few) < MOST_STEPS
+    assert all(kept[k] == path[k - 1] for k in kept)
+    assert {1, 300, 601, 1500} <= kept.keys()
+    for stretch in np.array_split(np.arange(1, 1501), STRETCHES):
+        inside = [kept[k] for k in stretch if k in kept]
+        assert (min(inside), max(inside)) == (path[stretch - 1].min(), path[stretch - 1].max())
+    assert all(row["mean"] is row["se"] is row["median"] is None for row in few)
+    assert thinned(rows, CURVE_STATISTICS) == rows
+    short = thinned(rows[:MOST_STEPS], frozenset({"mean"}))
+    assert [(row["k"], row["se"], row["first"]) for row in short] == [(k, 0.2, None) for k in range(1, MOST_STEPS + 1)]
+    assert thinned([{**row, "mean": None, "se": None} for row in rows], frozenset({"mean"}))[0]["k"] == 1  # all failed
 
 
 def test_a_curve_over_several_blocks_has_the_moments_of_all_runs(tmp_path: Path, compute: fakes.Compute) -> None:
