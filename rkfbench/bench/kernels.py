@@ -1,0 +1,60 @@
+"""The plain C kernels, compiled on the spot: `cc -O3 -march=native`, without -ffast-math.
+
+They filter one run after the other with sizes fixed when they are compiled, and stand for what a good C programmer
+writes in an afternoon: no intrinsics, no threads, no batching over runs.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+FLAGS = ("-O3", "-march=native", "-std=c11", "-fPIC", "-shared")
+DOUBLES = ctypes.POINTER(ctypes.c_double)
+SOURCES = Path(__file__).parent / "c"
+
+
+def compiler() -> str | None:
+    """The C compiler: $CC, or cc; None where there is none."""
+    return shutil.which(os.environ.get("CC", "cc"))
+
+
+@cache
+def library(name: str) -> ctypes.CDLL:
+    """The compiled file c/NAME.c. CalledProcessError with the compiler's words where it does not compile."""
+    cc = compiler()
+    if cc is None:
+        raise FileNotFoundError("no C compiler")
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / f"{name}.so"
+        subprocess.run([cc, *FLAGS, "-o", out, SOURCES / f"{name}.c", "-lm"], check=True, capture_output=True)
+        return ctypes.CDLL(str(out))
+
+
+def bound(file: str, function: str, *arguments: Any) -> Callable[[], None]:
+    """The call of a kernel with these arguments: whole numbers, real numbers, arrays, and lists of arrays for structs
+    of pointers. What it is given stays alive with it.
+    """
+    kernel = getattr(library(file), function)
+    kernel.restype, kernel.argtypes = None, None
+    converted = [_converted(each) for each in arguments]
+    return lambda: kernel(*converted)
+
+
+def _converted(value: Any) -> Any:
+    if isinstance(value, int):
+        return ctypes.c_long(value)
+    if isinstance(value, float):
+        return ctypes.c_double(value)
+    if isinstance(value, list):
+        return (DOUBLES * len(value))(*(_converted(each) for each in value))
+    return ctypes.cast(np.ctypeslib.as_ctypes(value.reshape(-1)), DOUBLES)
