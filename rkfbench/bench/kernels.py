@@ -1,7 +1,8 @@
-"""The plain C kernels, compiled on the spot: `cc -O3 -march=native`, without -ffast-math.
+"""The C kernels, compiled on the spot: `cc -O3 -march=native`, without -ffast-math.
 
-They filter one run after the other with sizes fixed when they are compiled, and stand for what a good C programmer
-writes in an afternoon: no intrinsics, no threads, no batching over runs.
+The plain ones filter one run after the other with sizes fixed when they are compiled, and stand for what a good C
+programmer writes in an afternoon: no intrinsics, no threads. The same text compiled with LANES filters 8 runs at once
+in vectors of 8 doubles, which is about the best that this processor can do.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+LANES = 8
 FLAGS = ("-O3", "-march=native", "-std=c11", "-fPIC", "-shared")
 DOUBLES = ctypes.POINTER(ctypes.c_double)
 SOURCES = Path(__file__).parent / "c"
@@ -29,22 +31,24 @@ def compiler() -> str | None:
 
 
 @cache
-def library(name: str) -> ctypes.CDLL:
-    """The compiled file c/NAME.c. CalledProcessError with the compiler's words where it does not compile."""
+def library(name: str, lanes: int = 1) -> ctypes.CDLL:
+    """The compiled file c/NAME.c, for so many runs at once. CalledProcessError with the compiler's words where it does not compile."""
     cc = compiler()
     if cc is None:
         raise FileNotFoundError("no C compiler")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / f"{name}.so"
-        subprocess.run([cc, *FLAGS, "-o", out, SOURCES / f"{name}.c", "-lm"], check=True, capture_output=True)
+        define = [f"-DLANES={lanes}", "-fno-math-errno"] if lanes > 1 else []
+        command = [cc, *FLAGS, *define, "-o", out, SOURCES / f"{name}.c", "-lm"]
+        subprocess.run(command, check=True, capture_output=True)
         return ctypes.CDLL(str(out))
 
 
-def bound(file: str, function: str, *arguments: Any) -> Callable[[], None]:
+def bound(library: ctypes.CDLL, function: str, *arguments: Any) -> Callable[[], None]:
     """The call of a kernel with these arguments: whole numbers, real numbers, arrays, and lists of arrays for structs
     of pointers. What it is given stays alive with it.
     """
-    kernel = getattr(library(file), function)
+    kernel = getattr(library, function)
     kernel.restype, kernel.argtypes = None, None
     converted = [_converted(each) for each in arguments]
     return lambda: kernel(*converted)

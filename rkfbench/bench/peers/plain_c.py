@@ -1,21 +1,24 @@
-"""The C kernels of `kernels.py`: one run after the other, each with a covariance of its own."""
+"""The C kernels of `kernels.py`, one run after the other and 8 at once; each run has a covariance of its own, but for the
+plain KF.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rkfbench.bench import kernels
-from rkfbench.bench.peers.base import Peer, Task, time_first
+from rkfbench.bench.peers.base import Peer, Task
 from rkfbench.bench.problems import PARTICLES, PARTS, SEED, THRESHOLD, Problem
 from rkfbench.filters.sigma import Cubature, Unscented
 from rkfbench.linalg import Array, root
 from rkfbench.noise.matrices import factor
 
-Arguments = Callable[[Problem], list[Any]]
+Arguments = Callable[[Problem], list[Any]]  # to `kernels.bound`
 
 
 def missing() -> str | None:
@@ -23,18 +26,31 @@ def missing() -> str | None:
     return None if kernels.compiler() else "no C compiler"
 
 
-def ready(file: str, function: str, told: Callable[[Problem], list[Array]], more: Arguments, problem: Problem) -> Task:
-    """A kernel takes runs, steps, what the filter is told, y (M, T, m), out (M, T, n) and what else it needs."""
-    out = np.empty((problem.runs, problem.steps, len(problem.x0)))
-    kernel = kernels.bound(
-        file, function, problem.runs, problem.steps, told(problem), problem.by_run, out, *more(problem)
-    )
+@dataclass(frozen=True)
+class Kernel:
+    """A function of a C file. It takes runs, steps, what the filter is told, y (M, T, m), out (M, T, n) and `more`."""
 
-    def call() -> Array:
-        kernel()
-        return out
+    file: str
+    function: str
+    told: Arguments
+    more: Arguments = lambda problem: []
 
-    return Task(call, time_first)
+    def ready(self, problem: Problem, lanes: int = 1) -> Task:
+        """Ready to filter so many runs at once: then y is (M/lanes, T, m, lanes), the last runs twice if need be."""
+        groups, T, n = -(-problem.runs // lanes), problem.steps, len(problem.x0)
+        padded = np.pad(problem.by_run, [(0, groups * lanes - problem.runs), (0, 0), (0, 0)], mode="edge")
+        y = np.ascontiguousarray(padded.reshape(groups, lanes, T, -1).transpose(0, 2, 3, 1))
+        out = np.empty((groups, T, n, lanes))
+        kernel = kernels.bound(
+            kernels.library(self.file, lanes), self.function,
+            groups * lanes, T, self.told(problem), y, out, *self.more(problem),
+        )  # fmt: skip
+
+        def call() -> Array:
+            kernel()
+            return out
+
+        return Task(call, lambda out: out.transpose(1, 2, 0, 3).reshape(T, n, -1)[..., : problem.runs])
 
 
 def _linear(p: Problem) -> list[Array]:
@@ -50,7 +66,7 @@ def _particle(p: Problem) -> list[Array]:
 
 
 def _gains(p: Problem) -> list[Any]:
-    return [np.empty((p.steps, len(p.x0), len(p.R)))]
+    return [np.empty((p.steps, len(p.x0), len(p.R), kernels.LANES))]
 
 
 def _huber(p: Problem) -> list[Any]:
@@ -73,13 +89,23 @@ def _particles(p: Problem) -> list[Any]:
     return [np.empty((3 * len(p.x0) + 2) * PARTICLES), PARTICLES, SEED]
 
 
+KERNELS = {
+    "kf": Kernel("linear", "kf_shared", _linear, _gains),
+    "hkf": Kernel("linear", "hkf", _linear, _huber),
+    "aladkf": Kernel("linear", "aladkf", _linear, _least_absolute),
+    "ukf": Kernel("altitude", "sigma", _altitude, partial(_weights, Unscented())),
+    "ckf": Kernel("altitude", "sigma", _altitude, partial(_weights, Cubature())),
+    "pekf": Kernel("altitude", "pekf", _altitude, lambda p: [PARTS]),
+    "pf": Kernel("particle", "pf", _particle, _particles),
+}
+KF_OWN = Kernel("linear", "kf", _linear)
 PEERS = (
-    Peer("C, own P", "kf", partial(ready, "linear", "kf", _linear, lambda p: [])),
-    Peer("C", "kf", partial(ready, "linear", "kf_shared", _linear, _gains)),
-    Peer("C", "hkf", partial(ready, "linear", "hkf", _linear, _huber)),
-    Peer("C", "aladkf", partial(ready, "linear", "aladkf", _linear, _least_absolute)),
-    Peer("C", "ukf", partial(ready, "altitude", "sigma", _altitude, partial(_weights, Unscented()))),
-    Peer("C", "ckf", partial(ready, "altitude", "sigma", _altitude, partial(_weights, Cubature()))),
-    Peer("C", "pekf", partial(ready, "altitude", "pekf", _altitude, lambda p: [PARTS])),
-    Peer("C", "pf", partial(ready, "particle", "pf", _particle, _particles)),
+    *(Peer("C", name, kernel.ready) for name, kernel in KERNELS.items()),
+    Peer("C, own P", "kf", KF_OWN.ready),
+    *(
+        Peer("C, 8 runs at once", name, partial(kernel.ready, lanes=kernels.LANES))
+        for name, kernel in KERNELS.items()
+        if name != "pf"
+    ),
+    Peer("C, 8 at once, own P", "kf", partial(KF_OWN.ready, lanes=kernels.LANES)),
 )
