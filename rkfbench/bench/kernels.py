@@ -32,14 +32,14 @@ def compiler() -> str | None:
 
 @cache
 def library(name: str, lanes: int = 1) -> ctypes.CDLL:
-    """The compiled file c/NAME.c, for so many runs at once. CalledProcessError with the compiler's words where it does not compile."""
+    """The compiled file c/NAME.c, for so many runs at once. CalledProcessError where it does not compile."""
     cc = compiler()
     if cc is None:
         raise FileNotFoundError("no C compiler")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / f"{name}.so"
         define = [f"-DLANES={lanes}", "-fno-math-errno"] if lanes > 1 else []
-        command = [cc, *FLAGS, *define, "-o", out, SOURCES / f"{name}.c", "-lm"]
+        command = [cc, *FLAGS, *define, "-o", str(out), str(SOURCES / f"{name}.c"), "-lm"]
         subprocess.run(command, check=True, capture_output=True)
         return ctypes.CDLL(str(out))
 

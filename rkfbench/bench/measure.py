@@ -21,7 +21,6 @@ from rkfbench.linalg import Array
 SLICE = 0.05  # seconds of one measurement, at least
 ROUNDS = 15
 STEPS = {"pf": 20}  # 100 of the other filters
-TOLERANCE = 1e-8  # of posterior means, in standard deviations of that state over runs and steps
 ERRORS, FEW = 5.0, 50  # of a particle filter, in standard errors; with fewer runs it is not looked at
 
 
@@ -123,7 +122,7 @@ def deviation(one: _Ready, ours: _Ready, problem: Problem) -> float:
     if one.peer.filter == "pf":
         return _in_distribution(one, reference, problem.first(one.timed))
     apart = float(np.max(np.abs(one.means - reference) / reference.std((0, 2), keepdims=True)))
-    if not apart <= TOLERANCE:
+    if not apart <= one.peer.tolerance:
         raise Different(f"{one.peer.name}: {one.peer.filter} is {apart:.1e} standard deviations away from rkfbench")
     return apart
 

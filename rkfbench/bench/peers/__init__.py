@@ -8,12 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rkfbench.bench.peers import filterpy_loop, ours, plain_c
+from rkfbench.bench.peers import (
+    dynamax_vmap,
+    filterpy_loop,
+    jax_vmap,
+    numpy_loop,
+    ours,
+    plain_c,
+    pykalman_loop,
+    simdkalman_batch,
+    stone_soup,
+)
 from rkfbench.bench.peers.base import Peer, Task
 
 __all__ = ["FILTERS", "MODULES", "Peer", "Task", "absent", "peers"]
 
-MODULES = (ours, plain_c, filterpy_loop)
+MODULES = (
+    ours, plain_c, dynamax_vmap, jax_vmap, simdkalman_batch, filterpy_loop, pykalman_loop, stone_soup, numpy_loop
+)  # fmt: skip
 FILTERS = tuple(dict.fromkeys(peer.filter for peer in ours.PEERS))
 
 

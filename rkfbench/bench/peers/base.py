@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -26,6 +27,7 @@ class Peer:
 
     `most`: a loop in Python is timed on so many runs at most, as its cost a run does not depend on their number.
     `compiled`: its first call for a new shape compiles, and is reported apart.
+    `tolerance`: how far its means may be from ours, in standard deviations of that state over runs and steps.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Peer:
     ready: Callable[[Problem], Task]
     most: int | None = None
     compiled: bool = False
+    tolerance: float = 1e-9
 
 
 def time_first(means: Any) -> Array:
@@ -43,3 +46,20 @@ def time_first(means: Any) -> Array:
 def missing_package(name: str) -> str | None:
     """Why a peer cannot run that needs this package; None if it is installed."""
     return None if find_spec(name) else "not installed"
+
+
+def one_state(problem: Problem) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """f and h of the altitude model for one state, written as a user would."""
+    F = problem.model.F(problem.x0, 1)
+
+    def h(x: Array) -> Array:
+        r = math.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
+        return np.array([math.atan2(x[1], x[0]), r, x[2], (x[0] * x[3] + x[1] * x[4] + x[2] * x[5]) / r])
+
+    return lambda x: F @ x, h
+
+
+def predicted(problem: Problem) -> tuple[Array, Array]:
+    """Mean and covariance before the first measurement, F x0 and F P0 F' + Q, as those want them who start there."""
+    F = problem.model.F(problem.x0, 1)
+    return F @ problem.x0, F @ problem.P0 @ F.T + problem.Q

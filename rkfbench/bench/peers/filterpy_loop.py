@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from rkfbench.bench.peers.base import Peer, Task, missing_package, time_first
+from rkfbench.bench.peers.base import Peer, Task, missing_package, one_state, time_first
 from rkfbench.bench.problems import THRESHOLD, Problem
 from rkfbench.linalg import Array, root
 from rkfbench.noise.matrices import factor
@@ -118,17 +117,6 @@ def cubature(problem: Problem) -> tuple[Callable[[], Any], Step]:
         filt.update(y[:, None])
 
     return new, step
-
-
-def one_state(problem: Problem) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-    """f and h of the altitude model for one state, written as a user would."""
-    F = problem.model.F(problem.x0, 1)
-
-    def h(x: Array) -> Array:
-        r = math.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
-        return np.array([math.atan2(x[1], x[0]), r, x[2], (x[0] * x[3] + x[1] * x[4] + x[2] * x[5]) / r])
-
-    return lambda x: F @ x, h
 
 
 def _told(filt: Any, problem: Problem, **more: Any) -> Any:

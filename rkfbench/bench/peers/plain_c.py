@@ -1,6 +1,4 @@
-"""The C kernels of `kernels.py`, one run after the other and 8 at once; each run has a covariance of its own, but for the
-plain KF.
-"""
+"""The C kernels of `kernels.py`, one run after the other and 8 at once."""
 
 from __future__ import annotations
 
