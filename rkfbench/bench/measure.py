@@ -20,7 +20,11 @@ from rkfbench.linalg import Array
 
 SLICE = 0.05  # seconds of one measurement, at least
 ROUNDS = 15
-STEPS = {"pf": 20}  # 100 of the other filters
+BUDGET = 60.0  # seconds for one filter at one number of runs, after which FEWEST rounds are enough
+FEWEST = 3
+STEPS = {"pf": 10}  # 100 of the other filters
+SIZES = (1, 100, 1000, 10000)
+ALSO = dict.fromkeys(("ukf", "ckf", "pekf"), (3000,))
 ERRORS, FEW = 5.0, 50  # of a particle filter, in standard errors; with fewer runs it is not looked at
 
 
@@ -55,11 +59,11 @@ def problem_of(name: str, runs: int, steps: int) -> Problem:
 
 
 def measure(
-    filters: Sequence[str], sizes: Sequence[int], rounds: int = ROUNDS, slice_s: float = SLICE
+    filters: Sequence[str], sizes: Sequence[int] | None = None, rounds: int = ROUNDS, slice_s: float = SLICE
 ) -> Iterator[Cost]:
     """The costs, filter after filter and size after size."""
     for name in filters:
-        for runs in sizes:
+        for runs in sizes or sorted({*SIZES, *ALSO.get(name, ())}):
             yield from _size(name, problem_of(name, runs, STEPS.get(name, 100)), rounds, slice_s)
 
 
@@ -67,13 +71,16 @@ def _size(name: str, problem: Problem, rounds: int, slice_s: float) -> Iterator[
     ready = [_made_ready(peer, problem) for peer in peers([name])]
     for each in ready:
         each.deviation = deviation(each, ready[0], problem)
-    for _ in range(rounds):
+    end = time.perf_counter() + BUDGET
+    for done in range(rounds):
+        if done >= FEWEST and time.perf_counter() > end:
+            break
         for each in ready:
             each.time(slice_s)
     for each in ready:
         cpu, wall = np.array(each.seconds).T
         scale = 1e9 / (each.timed * problem.steps)
-        compile_s = each.first - wall.min() if each.peer.compiled else 0.0
+        compile_s = max(0.0, each.first - wall.min()) if each.peer.compiled else 0.0
         yield Cost(
             name, each.peer.name, problem.runs, each.timed, problem.steps,
             cpu * scale, wall * scale, each.deviation, compile_s,
@@ -95,7 +102,10 @@ class _Ready:
     seconds: list[tuple[float, float]] = field(default_factory=list)
 
     def time(self, slice_s: float) -> None:
-        expected = self.seconds[-1][1] if self.seconds else _seconds(self.task.call, 1)[1]
+        if self.seconds:
+            expected = self.seconds[-1][1]
+        else:
+            expected = _seconds(self.task.call, 1)[1] if self.peer.compiled else self.first
         self.seconds.append(_seconds(self.task.call, max(1, round(slice_s / expected))))
 
 

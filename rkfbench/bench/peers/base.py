@@ -21,6 +21,10 @@ class Task(NamedTuple):
     means: Callable[[Any], Array]
 
 
+Ready = Callable[[Problem], Task]
+OURS = "rkfbench"  # the name of our own filters among the peers
+
+
 @dataclass(frozen=True)
 class Peer:
     """One implementation of one filter. `ready` may take its time: copies, layouts, objects.
@@ -32,7 +36,7 @@ class Peer:
 
     name: str
     filter: str
-    ready: Callable[[Problem], Task]
+    ready: Ready
     most: int | None = None
     compiled: bool = False
     tolerance: float = 1e-9

@@ -78,6 +78,6 @@ def _task(mapped: Callable[..., Any], problem: Problem, *more: Any) -> Task:
 
 PEERS = (
     Peer("dynamax vmap", "kf", kalman, compiled=True, tolerance=BOOST),
-    Peer("dynamax vmap, own P", "kf", kalman_own, compiled=True, tolerance=BOOST),
+    Peer("dynamax vmap", "kf_own", kalman_own, compiled=True, tolerance=BOOST),
     Peer("dynamax vmap", "ukf", unscented, compiled=True, tolerance=BOOST),
 )

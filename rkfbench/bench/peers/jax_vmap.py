@@ -1,15 +1,16 @@
 """Plain JAX: each filter written for one run with lax.scan over the steps, then jax.vmap over the runs and jax.jit.
 
 Float64 on the CPU, one thread. What does not depend on the run is computed once by vmap without being told; where P
-starts the same and never depends on y, that is the KF with a shared covariance.
+starts the same and never depends on y, that is the KF with a shared covariance. Each filter stands twice: as one writes
+it, with jnp.linalg, and with the solutions of small systems unrolled by hand, as jnp.linalg calls LAPACK for each run.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,8 +58,23 @@ def compiled(function: Callable[..., Any], *arguments: Any) -> Task:
     return Task(lambda: jitted(*there).block_until_ready(), time_first)
 
 
+class Algebra(NamedTuple):
+    """The two operations on small matrices that filters need."""
+
+    condition: Callable[..., tuple[Any, Any]]  # x, P, C, S, nu, part -> x + part C S^-1 nu, P - part C S^-1 C'
+    cholesky: Callable[[Any], Any]
+
+
 def condition(x: Any, P: Any, C: Any, S: Any, nu: Any, part: float = 1.0) -> tuple[Any, Any]:
-    """x + C S^-1 nu, P - C S^-1 C' by elimination, unrolled: on the CPU LAPACK calls for each run cost far more."""
+    """As one writes it."""
+    import jax.numpy as jnp
+
+    K = jnp.linalg.solve(S, C.T).T
+    return x + part * (K @ nu), P - part * (K @ C.T)
+
+
+def condition_unrolled(x: Any, P: Any, C: Any, S: Any, nu: Any, part: float = 1.0) -> tuple[Any, Any]:
+    """By elimination, unrolled."""
     import jax.numpy as jnp
 
     m = len(nu)
@@ -72,12 +88,31 @@ def condition(x: Any, P: Any, C: Any, S: Any, nu: Any, part: float = 1.0) -> tup
     return x + part * (jnp.stack(e) @ g), P - part * (g.T @ g)
 
 
-def kalman(inflate: Callable[[Any, Problem], Any], problem: Problem) -> Task:
+def cholesky(P: Any) -> Any:
+    """As one writes it."""
+    import jax.numpy as jnp
+
+    return jnp.linalg.cholesky(P)
+
+
+def cholesky_unrolled(P: Any) -> Any:
+    """Column by column."""
+    import jax.numpy as jnp
+
+    n = len(P)
+    columns: list[Any] = []
+    for j in range(n):
+        rest = P[:, j] - sum((column * column[j] for column in columns), jnp.zeros(n))
+        columns.append(jnp.where(np.arange(n) >= j, rest / jnp.sqrt(rest[j]), 0.0))
+    return jnp.stack(columns, axis=1)
+
+
+def kalman(inflate: Callable[[Any, Problem], Any], algebra: Algebra, problem: Problem) -> Task:
     """The KF, told R' in each step."""
-    return scanned(kalman_step(inflate, problem), problem)
+    return scanned(kalman_step(inflate, algebra, problem), problem)
 
 
-def kalman_step(inflate: Callable[[Any, Problem], Any], problem: Problem) -> Step:
+def kalman_step(inflate: Callable[[Any, Problem], Any], algebra: Algebra, problem: Problem) -> Step:
     """Prediction, and update with R' from the innovation."""
     F, H = problem.matrices
 
@@ -85,16 +120,16 @@ def kalman_step(inflate: Callable[[Any, Problem], Any], problem: Problem) -> Ste
         x, P = carry
         x, P = F @ x, F @ P @ F.T + problem.Q
         nu, C = y - H @ x, P @ H.T
-        x, P = condition(x, P, C, H @ C + inflate(nu, problem), nu)
+        x, P = algebra.condition(x, P, C, H @ C + inflate(nu, problem), nu)
         return (x, P), x
 
     return step
 
 
-def kalman_own(problem: Problem) -> Task:
+def kalman_own(algebra: Algebra, problem: Problem) -> Task:
     """The KF mapped over initial covariances, too."""
     jax = double_jax()
-    step = kalman_step(plain, problem)
+    step = kalman_step(plain, algebra, problem)
     covariances = np.repeat(problem.P0[None], problem.runs, axis=0)
     return compiled(jax.vmap(lambda y, P: jax.lax.scan(step, (problem.x0, P), y)[1]), problem.by_run, covariances)
 
@@ -135,7 +170,7 @@ def wrapped(nu: Any) -> Any:
     return nu.at[..., 0].set((nu[..., 0] + jnp.pi) % (2 * jnp.pi) - jnp.pi)
 
 
-def sigma(rule: Any, problem: Problem) -> Task:
+def sigma(rule: Any, algebra: Algebra, problem: Problem) -> Task:
     """Sigma-point filter with weights, new points at the update."""
     jax = double_jax()
     import jax.numpy as jnp
@@ -147,7 +182,7 @@ def sigma(rule: Any, problem: Problem) -> Task:
     F = problem.model.F(problem.x0, 1)
 
     def points(x: Any, P: Any) -> Any:
-        A = np.sqrt(h2) * cholesky(P).T
+        A = np.sqrt(h2) * algebra.cholesky(P).T
         return jnp.concatenate([x[None], x + A, x - A])
 
     def step(carry: Carry, y: Any) -> tuple[Carry, Any]:
@@ -160,25 +195,13 @@ def sigma(rule: Any, problem: Problem) -> Task:
         seen = seen[0] + wrapped(seen - seen[0])
         z = w @ seen
         e = seen - z
-        x, P = condition(x, P, ((drawn - x).T * wc) @ e, (e.T * wc) @ e + problem.R, wrapped(y - z))
+        x, P = algebra.condition(x, P, ((drawn - x).T * wc) @ e, (e.T * wc) @ e + problem.R, wrapped(y - z))
         return (x, P), x
 
     return scanned(step, problem)
 
 
-def cholesky(P: Any) -> Any:
-    """Lower L with L L' = P, unrolled."""
-    import jax.numpy as jnp
-
-    n = len(P)
-    columns: list[Any] = []
-    for j in range(n):
-        rest = P[:, j] - sum((column * column[j] for column in columns), jnp.zeros(n))
-        columns.append(jnp.where(np.arange(n) >= j, rest / jnp.sqrt(rest[j]), 0.0))
-    return jnp.stack(columns, axis=1)
-
-
-def progressive(problem: Problem) -> Task:
+def progressive(algebra: Algebra, problem: Problem) -> Task:
     """EKF prediction, then sub-steps; H by automatic differentiation."""
     jax = double_jax()
     F, R = problem.model.F(problem.x0, 1), problem.R
@@ -190,7 +213,7 @@ def progressive(problem: Problem) -> Task:
         for _ in range(PARTS):
             H = slopes(x)
             C = P @ H.T
-            x, P = condition(x, P, C, H @ C + R, wrapped(y - sight(x)), 1 / PARTS)
+            x, P = algebra.condition(x, P, C, H @ C + R, wrapped(y - sight(x)), 1 / PARTS)
         return (x, P), x
 
     return scanned(step, problem)
@@ -228,13 +251,24 @@ def particles(problem: Problem) -> Task:
     return compiled(jax.vmap(one), jax.random.split(jax.random.key(SEED), problem.runs), problem.by_run)
 
 
+MAKERS: Mapping[str, Callable[[Algebra, Problem], Task]] = {
+    "kf": partial(kalman, plain),
+    "kf_own": kalman_own,
+    "hkf": partial(kalman, huber),
+    "aladkf": partial(kalman, least_absolute),
+    "ukf": partial(sigma, Unscented()),
+    "ckf": partial(sigma, Cubature()),
+    "pekf": progressive,
+}
+ALGEBRAS = {
+    "JAX vmap": Algebra(condition, cholesky),
+    "JAX vmap, unrolled": Algebra(condition_unrolled, cholesky_unrolled),
+}
 PEERS = (
-    Peer("JAX vmap", "kf", partial(kalman, plain), compiled=True),
-    Peer("JAX vmap, own P", "kf", kalman_own, compiled=True),
-    Peer("JAX vmap", "hkf", partial(kalman, huber), compiled=True),
-    Peer("JAX vmap", "aladkf", partial(kalman, least_absolute), compiled=True),
-    Peer("JAX vmap", "ukf", partial(sigma, Unscented()), compiled=True),
-    Peer("JAX vmap", "ckf", partial(sigma, Cubature()), compiled=True),
-    Peer("JAX vmap", "pekf", progressive, compiled=True),
+    *(
+        Peer(label, name, partial(make, algebra), compiled=True)
+        for label, algebra in ALGEBRAS.items()
+        for name, make in MAKERS.items()
+    ),
     Peer("JAX vmap", "pf", particles, compiled=True),
 )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rkfbench import filters
-from rkfbench.bench.peers.base import Peer, Task
+from rkfbench.bench.peers.base import OURS, Peer, Ready, Task
 from rkfbench.bench.problems import PARTICLES, PARTS, THRESHOLD, Problem
 from rkfbench.linalg import Array
 
@@ -41,13 +41,15 @@ def ready(name: str, problem: Problem) -> Task:
     return Task(partial(estimate, name, problem), lambda done: done.mean)
 
 
-def own_covariances(name: str, problem: Problem) -> Task:
-    """Every run begins with a covariance of its own (they are equal, which the filter does not know)."""
+def own_covariances(problem: Problem) -> Task:
+    """The KF where every run begins with a covariance of its own (they are equal, which the filter does not know)."""
     P0 = np.repeat(problem.P0[..., None], problem.runs, axis=2)
-    return Task(partial(estimate, name, problem, P0), lambda done: done.mean)
+    return Task(partial(estimate, "kf", problem, P0), lambda done: done.mean)
 
 
-PEERS = (
-    *(Peer("rkfbench", name, partial(ready, name)) for name in PARAMS),
-    Peer("rkfbench, own P", "kf", partial(own_covariances, "kf")),
-)
+MAKERS: Mapping[str, Ready] = {
+    "kf": partial(ready, "kf"),
+    "kf_own": own_covariances,
+    **{name: partial(ready, name) for name in ("hkf", "aladkf", "ukf", "ckf", "pekf", "pf")},
+}
+PEERS = tuple(Peer(OURS, name, make) for name, make in MAKERS.items())

@@ -89,6 +89,7 @@ def _particles(p: Problem) -> list[Any]:
 
 KERNELS = {
     "kf": Kernel("linear", "kf_shared", _linear, _gains),
+    "kf_own": Kernel("linear", "kf", _linear),
     "hkf": Kernel("linear", "hkf", _linear, _huber),
     "aladkf": Kernel("linear", "aladkf", _linear, _least_absolute),
     "ukf": Kernel("altitude", "sigma", _altitude, partial(_weights, Unscented())),
@@ -96,14 +97,11 @@ KERNELS = {
     "pekf": Kernel("altitude", "pekf", _altitude, lambda p: [PARTS]),
     "pf": Kernel("particle", "pf", _particle, _particles),
 }
-KF_OWN = Kernel("linear", "kf", _linear)
 PEERS = (
     *(Peer("C", name, kernel.ready) for name, kernel in KERNELS.items()),
-    Peer("C, own P", "kf", KF_OWN.ready),
     *(
         Peer("C, 8 runs at once", name, partial(kernel.ready, lanes=kernels.LANES))
         for name, kernel in KERNELS.items()
         if name != "pf"
     ),
-    Peer("C, 8 at once, own P", "kf", partial(KF_OWN.ready, lanes=kernels.LANES)),
 )
