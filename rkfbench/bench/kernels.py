@@ -30,6 +30,18 @@ def compiler() -> str | None:
     return shutil.which(os.environ.get("CC", "cc"))
 
 
+def refusal() -> str | None:
+    """Why there are no kernels on this machine; None if there are."""
+    if compiler() is None:
+        return "no C compiler"
+    try:
+        for name in ("linear", "altitude", "particle"):
+            library(name)
+    except subprocess.CalledProcessError as error:
+        return f"the C compiler refuses them: {error.stderr.decode(errors='replace').strip().splitlines()[:1]}"
+    return None
+
+
 @cache
 def library(name: str, lanes: int = 1) -> ctypes.CDLL:
     """The compiled file c/NAME.c, for so many runs at once. CalledProcessError where it does not compile."""

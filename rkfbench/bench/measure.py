@@ -68,7 +68,7 @@ def measure(
 
 
 def _size(name: str, problem: Problem, rounds: int, slice_s: float) -> Iterator[Cost]:
-    ready = [_made_ready(peer, problem) for peer in peers([name])]
+    ready = [made_ready(peer, problem) for peer in peers([name])]
     for each in ready:
         each.deviation = deviation(each, ready[0], problem)
     end = time.perf_counter() + BUDGET
@@ -88,7 +88,7 @@ def _size(name: str, problem: Problem, rounds: int, slice_s: float) -> Iterator[
 
 
 @dataclass
-class _Ready:
+class Entry:
     """A peer that is ready: what its first call returned and how long that took, and (CPU, wall) seconds a call of each
     round.
     """
@@ -109,13 +109,14 @@ class _Ready:
         self.seconds.append(_seconds(self.task.call, max(1, round(slice_s / expected))))
 
 
-def _made_ready(peer: Peer, problem: Problem) -> _Ready:
+def made_ready(peer: Peer, problem: Problem) -> Entry:
+    """The peer ready for the first runs of a problem, called once."""
     timed = min(problem.runs, peer.most or problem.runs)
     task = peer.ready(problem.first(timed))
     begin = time.perf_counter()
     returned = task.call()
     first = time.perf_counter() - begin
-    return _Ready(peer, task, timed, np.array(task.means(returned)), first)
+    return Entry(peer, task, timed, np.array(task.means(returned)), first)
 
 
 def _seconds(call: Callable[[], Any], often: int) -> tuple[float, float]:
@@ -126,7 +127,7 @@ def _seconds(call: Callable[[], Any], often: int) -> tuple[float, float]:
     return (time.process_time() - cpu) / often, (time.perf_counter() - wall) / often
 
 
-def deviation(one: _Ready, ours: _Ready, problem: Problem) -> float:
+def deviation(one: Entry, ours: Entry, problem: Problem) -> float:
     """How far the means of an implementation are from ours; Different where that is too far."""
     reference = ours.means[..., : one.timed]
     if one.peer.filter == "pf":
@@ -137,7 +138,7 @@ def deviation(one: _Ready, ours: _Ready, problem: Problem) -> float:
     return apart
 
 
-def _in_distribution(one: _Ready, reference: Array, problem: Problem) -> float:
+def _in_distribution(one: Entry, reference: Array, problem: Problem) -> float:
     """Particle filters: the difference of their mean square distances from the exact means, those of the Kalman filter,
     in standard errors over the runs.
     """

@@ -21,7 +21,7 @@ Arguments = Callable[[Problem], list[Any]]  # to `kernels.bound`
 
 def missing() -> str | None:
     """Why these peers cannot run here; None if they can."""
-    return None if kernels.compiler() else "no C compiler"
+    return kernels.refusal()
 
 
 @dataclass(frozen=True)
