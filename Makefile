@@ -6,7 +6,7 @@ STAMP := .venv/.made-from-pyproject
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce reference smoke test lint clean
+.PHONY: help reproduce reference smoke bench test lint clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 18
@@ -19,6 +19,10 @@ reference: $(STAMP) ## the same and more at the reference run counts, into resul
 
 smoke: $(STAMP) ## every command on every scenario with few runs; the wheel in a clean environment
 	BIN=$(BIN) PYTHON=$(PYTHON) ./.ci/smoke
+
+bench: $(STAMP) ## what a run and step costs, beside other libraries and C, into results/bench/ (installs the peers)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	$(BIN)/python -m rkfbench.bench
 
 test: $(STAMP) ## the test suite
 	$(BIN)/pytest -q -n 2
