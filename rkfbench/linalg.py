@@ -9,6 +9,7 @@ untouched.
 from __future__ import annotations
 
 from functools import lru_cache
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]  # of floats, unless a docstring says otherwise
 
+MANY = 40_000  # multiplications that pay for the calls which save half of them
+
 
 def mul(A: Array, B: Array) -> Array:
     """A B with A (i, j) shared or (i, j, M), and B (j, ...): the product over the first axis of B."""
     if A.ndim == 2:
-        return (A @ B.reshape(len(B), -1)).reshape(len(A), *B.shape[1:])
+        return A @ B if B.ndim == 2 else (A @ B.reshape(len(B), -1)).reshape(len(A), *B.shape[1:])
     if B.ndim == 2:
         return np.einsum("ij...,j...->i...", A, B)
     return np.einsum("ij...,jk...->ik...", A, B)
@@ -43,7 +46,7 @@ def sandwich(A: Array, P: Array) -> Array:
     if A.ndim > 2:
         return sym(mul(A, transpose(mul(A, P))))
     m, n = A.shape
-    return (_twice(A.shape, A.tobytes()) @ P.reshape(n * n, -1)).reshape(m, m, -1)
+    return (_twice(A.shape, A.tobytes()) @ P.reshape(n * n, -1)).reshape(m, m, P.shape[-1])
 
 
 @lru_cache(maxsize=256)
@@ -55,6 +58,51 @@ def _twice(shape: tuple[int, int], content: bytes) -> Array:
     return (0.5 * (K + transpose(K))).reshape(m * m, n * n)
 
 
+def finite(x: Array) -> bool:
+    """Whether all numbers of all runs are finite; False also where one is so large that its square is not."""
+    return isfinite(np.vdot(x, x))
+
+
+def plus(A: Array, B: Array) -> Array:
+    """A + B of every run, in the place of A where that is wide enough: for an A that nobody else holds."""
+    return np.add(A, B, out=A) if A.shape[-1] >= B.shape[-1] else A + B
+
+
+def gram(A: Array) -> Array:
+    """A A' of every run for A (n, k, M), symmetric to the last bit."""
+    n, k, M = A.shape
+    if n * n * k * M < MANY:
+        return np.einsum("ikM,jkM->ijM", A, A)
+    G = np.empty((n, n, M))
+    for i in range(n):  # half of it: calls cost less than what they save
+        G[i, : i + 1] = G[: i + 1, i] = np.einsum("kM,jkM->jM", A[i], A[: i + 1])
+    return G
+
+
+def through(H: Array, P: Array) -> tuple[Array, Array]:
+    """H P H' and P H' for symmetric P, of H (m, n) shared, in one product, or (m, n, M)."""
+    m, n = H.shape[:2]
+    if H.ndim == 2:
+        both = (_joint(H.shape, H.tobytes()) @ P.reshape(n * n, -1)).reshape(m, m + n, P.shape[-1])
+        return both[:, :m], transpose(both[:, m:])
+    HP = mul(H, P)
+    S = np.empty((m, m, HP.shape[-1]))
+    for i in range(m):
+        S[i, : i + 1] = S[: i + 1, i] = np.einsum("kM,jkM->jM", HP[i], H[: i + 1])
+    return S, transpose(HP)
+
+
+@lru_cache(maxsize=256)
+def _joint(shape: tuple[int, int], content: bytes) -> Array:
+    """What makes the rows of [H P H' | H P] of vec(P), (m (m + n), n^2), with those of (i, j) and (j, i) made equal in
+    the first part.
+    """
+    m, n = shape
+    H = np.frombuffer(content).reshape(shape)
+    products = np.kron(H, np.eye(n)).reshape(m, n, n * n)
+    return np.concatenate([_twice(shape, content).reshape(m, m, n * n), products], 1).reshape(m * (m + n), n * n)
+
+
 def outer(a: Array, b: Array) -> Array:
     """a b' of every run."""
     return a[:, None] * b[None]
@@ -63,6 +111,11 @@ def outer(a: Array, b: Array) -> Array:
 def dot(a: Array, b: Array) -> Array:
     """a'b of every run."""
     return np.einsum("i...,i...->...", a, b)
+
+
+def trace(A: Array) -> Array:
+    """Sum of the diagonal of every run, (n, n, M) -> (M,)."""
+    return np.asarray(A.reshape(-1, A.shape[-1])[:: len(A) + 1].sum(0))
 
 
 def batched(A: Array) -> Array:
@@ -94,23 +147,11 @@ def cholesky(A: Array) -> Array:
 
 def positive_definite(A: Array) -> NDArray[np.bool_]:
     """Whether all pivots of A = L D L' are positive, by run: (n, n, M) -> (M,)."""
-    if A.shape[-1] == 1:
-        return np.array([_shared_cholesky(A) is not None])
     good = A[0, 0] > 0
     while len(A) > 1:
         A = A[1:, 1:] - outer(A[1:, 0] / A[0, 0], A[0, 1:])
         good &= A[0, 0] > 0
     return good
-
-
-def _shared_cholesky(A: Array) -> Array | None:
-    """The lower Cholesky factor (n, n) of a covariance (n, n, 1) that all runs share; None if it is not positive
-    definite.
-    """
-    try:
-        return np.linalg.cholesky(A[..., 0]) if np.isfinite(A).all() else None
-    except np.linalg.LinAlgError:
-        return None
 
 
 def solve_lower(L: Array, B: Array) -> Array:
@@ -148,26 +189,29 @@ def condition(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array,
     then the result is x + g e and P - g g'. No inverse, and P stays symmetric to the last bit. A pivot that is not
     positive makes the run NaN.
     """
-    if S.shape[-1] == 1:
-        return _condition_shared(x, P, C, S, nu)
     m, n = len(S), len(P)
+    if S.shape[-1] == 1:  # one gain for all runs, so that those of nu are columns
+        A = np.concatenate([S[..., 0], C[..., 0].T, nu], axis=1)
+        _eliminate(A)
+        g, e = A[:, m : m + n].T, A[:, m + n :]
+        return x + g @ e, P - (g @ g.T)[..., None]
     A = np.empty((m, m + n + 1, S.shape[-1]))
     A[:, :m], A[:, m:-1], A[:, -1] = S, transpose(C), nu
+    _eliminate(A)
+    g, e = transpose(A[:, m:-1]), A[:, -1]
+    less = gram(g)
+    return x + np.einsum("ikM,kM->iM", g, e), np.subtract(P, less, out=less)
+
+
+def _eliminate(A: Array) -> None:
+    """Turn the rows of A = [S | B] with S = L L' into those of [L' | L^-1 B]; L' has no diagonal, and nothing below
+    it.
+    """
+    m = len(A)
     for k, row in enumerate(A):
-        row[k:] /= np.sqrt(row[k])
-        for i in range(k + 1, m):
-            A[i, i:] -= row[i] * row[i:]
-    g, e = A[:, m:-1], A[:, -1]
-    return x + np.einsum("kiM,kM->iM", g, e), P - np.einsum("kiM,kjM->ijM", g, g)
-
-
-def _condition_shared(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array, Array]:
-    """`condition` where all runs share S: one gain, one product."""
-    L = _shared_cholesky(S)
-    if L is None:
-        return np.full_like(x, np.nan), np.full_like(P, np.nan)
-    g = np.linalg.solve(L, C[..., 0].T)
-    return x + np.linalg.solve(L.T, g).T @ nu, P - (g.T @ g)[..., None]
+        row[k + 1 :] *= 1 / np.sqrt(row[k])
+        if k + 1 < m:
+            A[k + 1 :, k + 1 :] -= row[k + 1 : m, None] * row[k + 1 :]
 
 
 def eigh(A: Array, sweeps: int = 6) -> tuple[Array, Array]:

@@ -92,7 +92,7 @@ class CorrentropySmoother:
         at, lag = ends(self.at, self.lag, len(y))
         y, x, P, Q, R = prepare(model, y, x0, P0, Q, R)
         F = model.F(x, 1)
-        history, own = History({*keep} & {"cov"}), {}
+        history, own = History({*keep} & {"cov"}, lag + 1), {}
         with np.errstate(all="ignore"):
             x, P = model.f(x, 1), _right(mul(F, P), F) + _at(Q, 1)
             for k in range(1, at + lag + 1):
@@ -119,7 +119,7 @@ class CorrentropySmoother:
                     history.add(mean=xj, cov=Pi)
                 P = self._prior(F, P, A, L, _at(R, k)) + _at(Q, k + 1)
                 x = model.f(x, k + 1) + mul(L, r)
-        estimate = history.estimate(failed=np.isnan(xj).any(0), width=y.shape[2])
+        estimate = history.estimate(failed=np.isnan(xj).any(0))
         return replace(estimate, target=at, extras={name: value[None] for name, value in own.items()})
 
     def _weighted(self, r: Array, R: Array, S: Array) -> tuple[Array, Array]:

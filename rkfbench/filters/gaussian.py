@@ -10,15 +10,15 @@ KF, EKF, UKF, HKF, ALADKF ... are names for such choices; combinations that no p
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
-from rkfbench.filters import recursion
+from rkfbench.filters import gains, recursion
 from rkfbench.filters.base import Estimate, Known, Posterior
-from rkfbench.filters.moments import Moments, Taylor
+from rkfbench.filters.moments import Jacobians, Moments, Taylor
 from rkfbench.filters.schemes import Once, Scheme
 from rkfbench.filters.weights import Plain, Weight
-from rkfbench.linalg import Array
+from rkfbench.linalg import Array, plus
 from rkfbench.models import Model
 from rkfbench.streams import Streams
 
@@ -43,7 +43,7 @@ class GaussianFilter:
     def predict(self, model: Model, x: Array, P: Array, k: int, Q: Array) -> tuple[Array, ...]:
         """Mean and covariance of f(x) + w, and the points that the moments hand over to the update, if any."""
         x, P, *points = self.moments.propagate(model, x, P, k)
-        return x, P + Q, *points
+        return x, plus(P, Q), *points
 
     def correct(self, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *points: Array) -> Posterior:
         """The update with y (m, M)."""
@@ -64,4 +64,14 @@ class GaussianFilter:
     ) -> Estimate:
         """The estimates; see `rkfbench.filters.base.Filter`."""
         self.check(model)
-        return recursion.run(self, model, y, x0, P0, Q, R, keep)
+        return recursion.collect(self.steps(model, y, x0, P0, Q=Q, R=R), keep, len(y))
+
+    def steps(
+        self, model: Model, y: Array, x0: Array, P0: Array, *, Q: Array, R: Array, known: Known | None = None
+    ) -> Iterator[recursion.Step]:
+        """The steps, one after the other; gains first where all runs share them."""
+        told = recursion.prepare(model, y, x0, P0, Q, R)
+        plain = isinstance(self.moments, Jacobians) and isinstance(self.weight, Plain) and isinstance(self.update, Once)
+        if plain and gains.shared(model, *told):
+            return gains.steps(model, *told)
+        return recursion.steps(self, model, *told)

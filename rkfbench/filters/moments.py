@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple, Protocol
 
 from rkfbench.errors import SpecError
-from rkfbench.linalg import Array, mul, sandwich, transpose
+from rkfbench.linalg import Array, sandwich, through
 from rkfbench.models import Model
 
 
@@ -69,8 +69,8 @@ class Jacobians:
         return model.f(x, k), sandwich(model.F(x, k), P)
 
     def measure(self, model: Model, x: Array, P: Array, k: int) -> Measured:
-        H, z = model.H(x, k), model.h(x, k)
-        return Measured(z, sandwich(H, P), transpose(mul(H, P)), z)
+        z = model.h(x, k)
+        return Measured(z, *through(model.H(x, k), P), z)
 
     def slope(self, model: Model, x: Array, P: Array, k: int) -> Array:
         return model.H(x, k)

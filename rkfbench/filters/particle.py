@@ -87,15 +87,15 @@ class ParticleFilter:
         """The weighted means; see `rkfbench.filters.base.Filter`."""
         estimates = []
         for cloud, yg in self.clouds(model, y, x0, P0, Q, R, streams):
-            history = History(keep)
+            history = History(keep, len(yg))
             with np.errstate(all="ignore"):
                 for k, yk in enumerate(yg, 1):
                     cloud.predict(k)
-                    history.add(**cloud.moments({"prior_mean", "prior_cov"} & {*keep}, "prior_"))
+                    prior = cloud.moments({"prior_mean", "prior_cov"} & {*keep}, "prior_")
                     cloud.weigh(yk, k)
-                    history.add(ess=cloud.size[None], **cloud.moments({"mean", "cov"} & {"mean", *keep}))
+                    history.add(ess=cloud.size[None], **prior, **cloud.moments({"mean", "cov"} & {"mean", *keep}))
                     cloud.resample()
-            estimates.append(history.estimate(failed=cloud.dead, width=yg.shape[2]))
+            estimates.append(history.estimate(failed=cloud.dead))
         return _joined(estimates)
 
     def clouds(
@@ -167,26 +167,29 @@ class ParticleSmoother:
         covs = bool({"cov", "prior_cov", "post_cov"} & {*keep})
         estimates = []
         for cloud, yg in self.filter.clouds(model, y, x0, P0, Q, R, streams):
-            history, own, passed = History({*keep} & {"cov", "distinct"}), {}, History({"prior_mean"})
+            history, own, passed = (
+                History({*keep} & {"cov", "distinct"}, lag + 1),
+                {},
+                History({"prior_mean"}, at + lag),
+            )
             with np.errstate(all="ignore"):
                 for k, yk in enumerate(yg[: at + lag], 1):
                     cloud.predict(k)
                     if k == at:
                         own = cloud.moments({"prior_mean"} | ({"prior_cov"} if covs else set()), "prior_")
                         cloud.remember()
-                    if "passed" in keep:
-                        passed.add(**cloud.moments({"prior_mean"}, "prior_"))
+                    prior = cloud.moments({"prior_mean"}, "prior_") if "passed" in keep else {}
                     cloud.weigh(yk, k)
                     if "passed" in keep:
-                        passed.add(**cloud.moments({"mean"}))
+                        passed.add(**prior, **cloud.moments({"mean"}))
                     if k >= at:
                         seen = cloud.moments({"mean"} | ({"cov"} if covs else set()), of=cloud.copy)
                         own = own | {f"post_{name}": value for name, value in seen.items()} if k == at else own
                         history.add(distinct=cloud.distinct[None], **seen)
                     cloud.resample()
-            estimate = history.estimate(failed=cloud.dead, width=yg.shape[2])
+            estimate = history.estimate(failed=cloud.dead)
             extras = {name: value[None] for name, value in own.items()}
-            on_the_way = passed.estimate(cloud.dead, yg.shape[2]) if "passed" in keep else None
+            on_the_way = passed.estimate(cloud.dead) if "passed" in keep else None
             estimates.append(replace(estimate, target=at, extras={**estimate.extras, **extras}, passed=on_the_way))
         return _joined(estimates)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate, Posterior
-from rkfbench.linalg import Array, batched, positive_definite
+from rkfbench.linalg import Array, batched, finite, positive_definite, trace
 from rkfbench.models import Model, Observed
 
 ROUNDING = 1e-9  # of the trace: far more than an update loses
@@ -50,16 +50,16 @@ def run(
     filt: Recursive, model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, keep: Collection[str]
 ) -> Estimate:
     """The estimates of a recursive filter; arguments and shapes as in `Filter.run`."""
-    return collect(steps(filt, model, *prepare(model, y, x0, P0, Q, R)), keep)
+    return collect(steps(filt, model, *prepare(model, y, x0, P0, Q, R)), keep, len(y))
 
 
-def collect(steps: Iterable[Step], keep: Collection[str]) -> Estimate:
-    """The estimates that the steps of a filter make."""
-    history = History(keep)
+def collect(steps: Iterable[Step], keep: Collection[str], T: int) -> Estimate:
+    """The estimates that the T steps of a filter make."""
+    history = History(keep, T)
     with np.errstate(all="ignore"):
         for each in steps:
             history.add(prior_mean=each.prior_x, prior_cov=each.prior_P, mean=each.x, cov=each.P, **each.seen)
-    return history.estimate(failed=np.isnan(each.x).any(0), width=each.x.shape[1])
+    return history.estimate(failed=np.isnan(each.x).any(0))
 
 
 def steps(filt: Recursive, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[Step]:
@@ -67,29 +67,23 @@ def steps(filt: Recursive, model: Model, y: Array, x: Array, P: Array, Q: Array,
     incomplete = np.asarray(np.isnan(y).any(axis=(1, 2)))
     plausible = getattr(model, "plausible", None)
     floor = float(np.linalg.eigvalsh(Q[..., 0])[0]) if Q.shape[-1] == 1 and Q.ndim == 3 else 0.0
-    spread: Any = np.inf  # trace of the last prior covariance
+    spread = np.inf  # largest trace of the last prior covariances
     for k, yk in enumerate(y, 1):
         prior_x, prior_P, *handed = filt.predict(model, x, P, k, Q[k - 1] if Q.ndim == 4 else Q)
-        sound, spread = _sound(prior_P, floor, spread)
+        before, spread = spread, float(trace(prior_P).max())
         update = _correct_observed if incomplete[k - 1] else _correct
         x, P, seen = update(filt, model, prior_x, prior_P, yk, k, R[k - 1] if R.ndim == 4 else R, *handed)
-        sound = np.asarray(sound & np.isfinite(x).all(0))
+        sound: Any = np.True_
+        # An update leaves P semidefinite but for rounding, which is small against the traces of the priors now and
+        # before; where the smallest eigenvalue of Q is larger than that by far, F P F' + Q needs no look at its pivots.
+        if not ROUNDING * (spread + before) < floor:
+            sound = positive_definite(prior_P)
+        if not finite(x):
+            sound = sound & np.isfinite(x).all(0)
         if plausible is not None:  # the model knows what is not of its world, before and after the update
             sound = sound & plausible(prior_x, prior_P) & plausible(x, P) & positive_definite(P)
         x, P = bury(x, P, sound)
         yield Step(prior_x, prior_P, x, P, seen)
-
-
-def _sound(P: Array, floor: float, before: Array | float) -> tuple[Any, Array]:
-    """Whether the prior covariance P = F P+ F' + Q is positive definite, by run, and its trace.
-
-    An update leaves P+ semidefinite but for rounding, which is small against the traces of the priors now and `before`.
-    Where the smallest eigenvalue `floor` of Q is larger than that by far, there is no need to look at the pivots.
-    """
-    trace = np.einsum("ii...->...", P)
-    if (ROUNDING * (trace + before) < floor).all():
-        return np.True_, trace
-    return positive_definite(P), trace
 
 
 def prepare(
@@ -118,32 +112,38 @@ def prepare(
 
 
 class History:
-    """Collects the arrays of each step that are worth keeping."""
+    """Keeps the arrays of each step that are worth keeping, time first."""
 
-    def __init__(self, keep: Iterable[str]) -> None:
-        self.steps: dict[str, list[Array]] = {name: [] for name in ("mean", *keep)}
+    def __init__(self, keep: Iterable[str], steps: int) -> None:
+        self.names, self.steps, self.k = ("mean", *keep), steps, 0
+        self.arrays: dict[str, Array] = {}
 
     def add(self, **arrays: Array) -> None:
-        for name in arrays.keys() & self.steps.keys():
-            self.steps[name].append(arrays[name])
+        """The arrays of one step; what is not among them is NaN there."""
+        for name in self.names:
+            if name in arrays:
+                self._room(name, arrays[name])[self.k] = arrays[name]
+            elif name in self.arrays:
+                self.arrays[name][self.k] = np.nan
+        self.k += 1
 
-    def estimate(self, failed: Any, width: int) -> Estimate:
-        arrays = {name: _stack(steps, width) for name, steps in self.steps.items() if steps}
-        missing = self.steps.keys() - arrays.keys()
+    def _room(self, name: str, step: Array) -> Array:
+        """Where the steps of an array go; written out for all runs as soon as they no longer share it."""
+        room = self.arrays.get(name)
+        if room is None:
+            room = self.arrays[name] = np.empty((self.steps, *step.shape))
+            room[: self.k] = np.nan
+        elif room.shape[-1] < step.shape[-1]:
+            room = self.arrays[name] = np.repeat(room, step.shape[-1], axis=-1)
+        return room
+
+    def estimate(self, failed: Any) -> Estimate:
+        """What was kept."""
+        missing = {*self.names} - self.arrays.keys()
         if missing:
             raise SpecError(f"this filter has no history of {', '.join(sorted(missing))}")
+        arrays = {**self.arrays}
         return Estimate(arrays.pop("mean"), arrays.pop("cov", None), failed, arrays)
-
-
-def _stack(steps: list[Array], width: int) -> Array:
-    """All steps in one array; where the run axis is shared at some steps only, it is written out."""
-    shapes = {step.shape for step in steps}
-    if len(shapes) == 1:
-        return np.stack(steps)
-    stacked = np.empty((len(steps), *steps[0].shape[:-1], width))
-    for k, step in enumerate(steps):
-        stacked[k] = step
-    return stacked
 
 
 def bury(x: Array, P: Array, sound: Array) -> tuple[Array, Array]:

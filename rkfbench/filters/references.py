@@ -54,8 +54,7 @@ class Clairvoyant:
         streams: Streams | None = None,
     ) -> Estimate:
         """The estimates; Q and R as told to the other filters are not used."""
-        steps = self.steps(model, y, x0, P0, Q=Q, R=R, known=known)
-        return recursion.collect(steps, keep)
+        return recursion.collect(self.steps(model, y, x0, P0, Q=Q, R=R, known=known), keep, len(y))
 
     def steps(
         self, model: Model, y: Array, x0: Array, P0: Array, *, Q: Array, R: Array, known: Known | None
@@ -69,7 +68,7 @@ class Clairvoyant:
             - known.v.mean
             - (0.0 if moved is None else np.stack([mul(model.H(d, k), d) for k, d in enumerate(moved, 1)]))
         )
-        steps = recursion.steps(self.kf, model, *recursion.prepare(model, y, x0, P0, known.w.cov(), known.v.cov()))
+        steps = self.kf.steps(model, y, x0, P0, Q=known.w.cov(), R=known.v.cov())
         if moved is None:
             return steps
         return (step._replace(prior_x=step.prior_x + d, x=step.x + d) for step, d in zip(steps, moved, strict=True))

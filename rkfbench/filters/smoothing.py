@@ -89,7 +89,7 @@ class FixedPoint:
         with np.errstate(all="ignore"):
             steps = _steps(self.filter, model, y, x0, P0, Q, R, known)
             first = next(step for k, step in enumerate(steps, 1) if k == at)
-            history = History({*keep} & {"cov"})
+            history = History({*keep} & {"cov"}, lag + 1)
             x, Pi, Sig = self._begin(model, first, at)
             history.add(mean=x, cov=Pi)
             for k, step in zip(range(at + 1, at + lag + 1), steps, strict=False):
@@ -98,7 +98,7 @@ class FixedPoint:
                 Pi = Pi - sandwich(J, step.prior_P - step.P)
                 Sig = _to_next(model, mul(J, step.P), step.x, k)
                 history.add(mean=x, cov=Pi)
-        estimate = history.estimate(failed=np.isnan(x).any(0), width=x.shape[1])
+        estimate = history.estimate(failed=np.isnan(x).any(0))
         own = {"prior_mean": first.prior_x, "post_mean": first.x, "prior_cov": first.prior_P, "post_cov": first.P}
         return replace(estimate, target=at, extras={name: value[None] for name, value in own.items()})
 
@@ -152,10 +152,10 @@ class RauchTungStriebel:
                 x = now.x + mul(J, x - after.prior_x)
                 P = now.P + sandwich(J, sym(P - after.prior_P))
                 backwards.append((x, P))
-        history = History({*keep} & {"cov"})
+        history = History({*keep} & {"cov"}, len(steps))
         for x, P in reversed(backwards):
             history.add(mean=x, cov=P)
-        return history.estimate(failed=np.isnan(steps[-1].x).any(0), width=x.shape[1])
+        return history.estimate(failed=np.isnan(steps[-1].x).any(0))
 
 
 def fixed_point(filter: Inner, at: At = None, lag: Lag = None, start: Start = "j") -> Any:

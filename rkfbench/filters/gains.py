@@ -1,0 +1,91 @@
+"""Gains first: the Kalman filter where all runs share the covariances.
+
+On a linear model without robust weights neither covariances nor gains depend on what is measured, only on what is
+missing. So the recursion of one run gives them all, and the means of all runs take three small products a step:
+
+    once for all runs   P- = F P F' + Q,  S = H P- H' + R,  K = P- H' S^-1,  P = P- - K S K'
+    of every run        x- = F x,  nu = y - H x-,  x = x- + K nu
+
+The first line is remembered by its input. As soon as a covariance returns to the last bit, which it does where the
+filter has settled, nothing of it is computed any more: the same input gives the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rkfbench.filters.recursion import Step
+from rkfbench.linalg import Array, condition, finite, plus, positive_definite, sandwich, through
+from rkfbench.models import Model
+
+
+class Gain(NamedTuple):
+    """What one step does to every run: covariances before and after it and S, each with a run axis of length 1, and K
+    (n, m). Where a component is missing, S is NaN and K is 0.
+    """
+
+    prior_P: Array
+    S: Array
+    K: Array
+    P: Array
+
+
+def shared(model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> bool:
+    """Whether the covariances of these arguments, as `prepare` makes them, are the same for all runs at all steps."""
+    missing = np.isnan(y)
+    return bool(
+        model.linear
+        and not hasattr(model, "plausible")
+        and P.shape[-1] == Q.shape[-1] == R.shape[-1] == 1
+        and (missing == missing[..., :1]).all()
+    )
+
+
+def steps(model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[Step]:
+    """The steps k = 1..T of the Kalman filter, one after the other, from arguments that are `shared`."""
+    observed = ~np.isnan(y[..., 0])
+    gains = _gains(model.F(x, 1), model.H(x, 1), P, Q, R, observed)
+    sound = positive_definite(np.concatenate([gain.prior_P for gain in gains], axis=-1))
+    for k, (yk, (prior_P, S, K, P)) in enumerate(zip(y, gains, strict=True), 1):
+        prior_x = model.f(x, k)
+        nu = model.residual(yk, model.h(prior_x, k))
+        rows = observed[k - 1]
+        x = prior_x + K @ (nu if rows.all() else np.where(rows[:, None], nu, 0.0))
+        if not (sound[k - 1] and finite(x)):
+            x = np.where(sound[k - 1] & np.isfinite(x).all(0), x, np.nan)
+        yield Step(prior_x, prior_P, x, P, {"nu": nu, "S": S})
+
+
+def _gains(F: Array, H: Array, P: Array, Q: Array, R: Array, observed: NDArray[np.bool_]) -> list[Gain]:
+    """The gains of all steps, at each of which the measurement components `observed` (T, m) are there."""
+    known: dict[bytes, Gain] = {}
+    found = []
+    for k, rows in enumerate(observed):
+        Qk, Rk = Q[k] if Q.ndim == 4 else Q, R[k] if R.ndim == 4 else R
+        key = b"".join(each.tobytes() for each in (P, Qk, Rk, rows))
+        gain = known.get(key) or known.setdefault(key, _gain(F, H, P, Qk, Rk, rows))
+        found.append(gain)
+        P = gain.P
+    return found
+
+
+def _gain(F: Array, H: Array, P: Array, Q: Array, R: Array, rows: NDArray[np.bool_]) -> Gain:
+    """The gain of one step."""
+    prior_P = plus(sandwich(F, P), Q)
+    if rows.all():
+        return Gain(prior_P, *_update(H, prior_P, R))
+    there = np.ix_(rows, rows)
+    S, K = np.full_like(R, np.nan), np.zeros_like(H.T)
+    S[there], K[:, rows], P = _update(H[rows], prior_P, R[there])
+    return Gain(prior_P, S, K, P)
+
+
+def _update(H: Array, P: Array, R: Array) -> tuple[Array, Array, Array]:
+    """S, K and the covariance after the update: what it makes of unit innovations are the columns of the gain."""
+    Szz, PH = through(H, P)
+    S = Szz + R
+    return S, *condition(np.zeros(PH.shape[:2]), P, PH, S, np.eye(len(H)))
