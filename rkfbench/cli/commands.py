@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -67,12 +68,11 @@ def run(
 
     numbers = {"runs": runs, "seed": seed}
     overrides = [*sets, *sweeps, *(f"{name}={value}" for name, value in numbers.items() if value is not None)]
-    outcomes = []
-    for scenario in [load(each, sets=sets, sweeps=sweeps, runs=runs, seed=seed) for each in scenarios]:
-        folder = folder_of(scenario, overrides)
-        if out is not None:
-            folder = out if len(scenarios) == 1 else out / scenario.name
-        outcomes.append(_experiment(terminal, scenario, folder, full=full, fresh=fresh, jobs=jobs))
+    loaded = [load(each, sets=sets, sweeps=sweeps, runs=runs, seed=seed) for each in scenarios]
+    folders = [folder_of(scenario, overrides) for scenario in loaded]
+    if out is not None:
+        folders = [out if len(loaded) == 1 else out / scenario.name for scenario in loaded]
+    outcomes = _experiments(terminal, zip(loaded, folders, strict=True), full=full, fresh=fresh, jobs=jobs)
     if terminal.json:
         terminal.object([_as_data(outcome) for outcome in outcomes])
     else:
@@ -103,15 +103,15 @@ def reproduce(
     from rkfbench.reproduce import REFERENCE, RESULTS, compared_with_reference, publish, reference_study
     from rkfbench.scenario import bundled, load
 
-    folders, different, failed = [], [], False
-    for scenario in [load(name) for name in bundled()]:
-        folder = RESULTS / scenario.name
-        if reference:
-            scenario, folder = reference_study(scenario)
-        outcome = _experiment(terminal, scenario, folder, full=full or reference, fresh=fresh, jobs=jobs)
+    loaded = [load(name) for name in bundled()]
+    studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
+    outcomes = _experiments(terminal, studies, full=full or reference, fresh=fresh, jobs=jobs)
+    failed = any(outcome.failures for outcome in outcomes)
+    folders, different = [], []
+    for (scenario, folder), outcome in zip(studies, outcomes, strict=True):
         if outcome.failures:
-            failed = True
-        elif reference:
+            continue
+        if reference:
             folders.append(publish(folder, REFERENCE / scenario.name))
         else:
             folders.append(folder)
@@ -158,16 +158,22 @@ def validate(terminal: Terminal, scenarios: Scenarios, sets: Sets = [], sweeps: 
         raise typer.Exit(UsageError.exit_code)
 
 
-def _experiment(terminal: Terminal, scenario: Any, folder: Path, *, full: bool, fresh: bool, jobs: int | None) -> Any:
-    """One experiment under the eyes of the user."""
+def _experiments(
+    terminal: Terminal, studies: Iterable[tuple[Any, Path]], *, full: bool, fresh: bool, jobs: int | None
+) -> list[Any]:
+    """Experiments under the eyes of the user, one after the other; what can be made later is made beside the next."""
+    from rkfbench.aside import Aside
+    from rkfbench.pool import Pool
     from rkfbench.reproduce import experiment
-    from rkfbench.study.engines import engine
 
-    argv = ["rkfbench", *sys.argv[1:]]
-    with terminal.progress(scenario.name) as listen:
-        outcome = experiment(scenario, folder, full=full, fresh=fresh, engine=engine(jobs), report=listen, argv=argv)
-    terminal.note(_summary(scenario.name, outcome))
-    return outcome
+    outcomes = []
+    shared: dict[str, Any] = {"full": full, "fresh": fresh, "jobs": jobs, "argv": ["rkfbench", *sys.argv[1:]]}
+    with Pool(jobs) as pool, Aside(pool.workers > 1) as aside:
+        for scenario, folder in studies:
+            with terminal.progress(scenario.name) as listen:
+                outcomes.append(experiment(scenario, folder, pool=pool, aside=aside, report=listen, **shared))
+            terminal.note(_summary(scenario.name, outcomes[-1]))
+    return outcomes
 
 
 def _summary(name: str, outcome: Any) -> str:

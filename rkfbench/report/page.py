@@ -16,7 +16,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rkfbench.report import style, tables, verdicts
+from rkfbench.errors import UsageError
+from rkfbench.report import tables, verdicts
 from rkfbench.report.material import distinct, text
 from rkfbench.report.render import Outcome, Picture
 from rkfbench.report.verdicts import ClaimView
@@ -26,16 +27,16 @@ from rkfbench.store import files, manifest
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-PAGE_DPI = 120
+PIXELS = 96  # of the page to an inch of a figure
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure as the page shows it."""
+    """A figure as the page shows it: its file but for the caption at the foot, which stands beside it as text."""
 
     picture: Picture
     png: str  # base64
-    width: int
+    width: int  # of what is shown
     height: int
     file: str  # the PNG of the results folder, relative to the page
 
@@ -57,15 +58,15 @@ class ScenarioView:
 
     @cached_property
     def figures(self) -> list[Shown]:
-        """The declared figures, drawn without their captions, which stand beside them as text."""
+        """The declared figures, as `render` has drawn them."""
         shown = []
-        with style.styled():
-            for picture in self.outcome.pictures():
-                drawn = picture.drawn(with_caption=False)
-                width, height = (round(inches * 96) for inches in drawn.get_size_inches())
-                png = base64.b64encode(style.png(drawn, PAGE_DPI)).decode()
-                file = self.outcome.results.folder / "figures" / f"{picture.stem}.png"
-                shown.append(Shown(picture, png, width, height, relative(file, self.place)))
+        for picture in self.outcome.pictures():
+            file = self.outcome.results.folder / "figures" / f"{picture.stem}.png"
+            if not file.exists():
+                raise UsageError(f"{file} is missing: make it again with rkfbench report {self.outcome.results.folder}")
+            width, height = (round(inches * PIXELS) for inches in picture.size)
+            png = base64.b64encode(file.read_bytes()).decode()
+            shown.append(Shown(picture, png, width, height, relative(file, self.place)))
         return shown
 
     @property

@@ -6,31 +6,21 @@ see `rkfbench.blas`.
 
 from __future__ import annotations
 
-import os
-import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from rkfbench import blas
-from rkfbench.errors import RkfbenchError
+from rkfbench.pool import Pool
 from rkfbench.study.jobs import Done, Job, work
 
 Engine = Callable[[Sequence[Job]], Iterator[Done]]
 
-START_UP = 3.0  # seconds of work that make starting worker processes worth their start-up
 
-
-def cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def engine(jobs: int | None) -> Engine:
-    """The engine for `--jobs N`: 1 is serial, None decides by measuring."""
-    if jobs is None:
-        return automatic if cores() > 1 else serial
-    return serial if jobs == 1 else partial(processes, workers=jobs)
+def engine(jobs: int | None, pool: Pool) -> Engine:
+    """The engine for `--jobs N` and its pool: 1 is serial, None decides by measuring."""
+    if pool.workers == 1:
+        return serial
+    return partial(automatic if jobs is None else processes, pool=pool)
 
 
 def serial(jobs: Sequence[Job]) -> Iterator[Done]:
@@ -38,45 +28,18 @@ def serial(jobs: Sequence[Job]) -> Iterator[Done]:
     return map(work, jobs)
 
 
-def automatic(jobs: Sequence[Job]) -> Iterator[Done]:
-    """Begin in this process; hand the rest to all cores as soon as the time measured so far says that it pays."""
+def automatic(jobs: Sequence[Job], pool: Pool) -> Iterator[Done]:
+    """Begin in this process; hand the rest to the pool as soon as the time measured so far says that it pays."""
     begin = time.perf_counter()
-    for done, job in enumerate(jobs, start=1):
-        yield work(job)
+    for done, job in enumerate(jobs):
+        mean = (time.perf_counter() - begin) / max(done, 1)
         rest = len(jobs) - done
-        if rest > 1 and (time.perf_counter() - begin) / done * rest > START_UP:
-            yield from processes(jobs[done:], workers=cores())
+        if rest > 1 and pool.pays(mean * rest):
+            yield from processes(jobs[done:], pool)
             return
+        yield work(job)
 
 
-def processes(jobs: Sequence[Job], workers: int) -> Iterator[Done]:
-    """`workers` processes on this machine (started by spawn: no state is inherited)."""
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-    from concurrent.futures.process import BrokenProcessPool
-
-    blas.one_thread()
-    pool = ProcessPoolExecutor(
-        min(workers, len(jobs)) or 1, mp_context=multiprocessing.get_context("spawn"), initializer=_ignore_interrupts
-    )
-    try:
-        futures = [pool.submit(work, job) for job in jobs]
-        for future in as_completed(futures):
-            yield future.result()
-    except BrokenProcessPool as error:
-        raise RkfbenchError(
-            "a worker process was killed (out of memory?); finished blocks are kept: run the same command again, "
-            "with fewer --jobs if memory was short"
-        ) from error
-    except BaseException:
-        children = multiprocessing.active_children()
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in children:
-            child.terminate()
-        raise
-    pool.shutdown()
-
-
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; only the driver answers it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def processes(jobs: Sequence[Job], pool: Pool) -> Iterator[Done]:
+    """The processes of a pool."""
+    return pool.unordered(work, jobs)
