@@ -7,7 +7,7 @@ missing or damaged is noticed by its own hash.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from importlib.metadata import version
@@ -39,11 +39,9 @@ def update(scenario: Scenario, folder: Path, pool: Pool, *, fresh: bool = False)
     manifest.seal(folder, hashes={HASH: made_from})
 
 
-@cache
-def sources() -> str:
-    """A hash of all sources of rkfbench, its templates included."""
-    root = Path(__file__).parent
-    return plan.hash_files(root, sorted(path for path in root.rglob("*") if path.suffix in (".py", ".j2", ".css")))
+def of_report(folders: Sequence[Path]) -> str:
+    """A digest of all that the report of some results folders depends on."""
+    return plan.digest([_sources(), [[str(folder), files.sha256(folder / manifest.NAME)] for folder in folders]])
 
 
 def _digest(scenario: Scenario, content: Mapping[str, Any]) -> str:
@@ -51,7 +49,14 @@ def _digest(scenario: Scenario, content: Mapping[str, Any]) -> str:
     numbers = {name: digest for name, digest in content["files"].items() if name.split("/")[0] not in DERIVED}
     paper = files.sha256(find(scenario.paper, papers(), "paper file")) if scenario.paper else ""
     outlines = [{name: asdict(each) for name, each in docket.outlines.items()} for docket in dockets(scenario)]
-    return plan.digest([numbers, paper, outlines, sources(), version("matplotlib")])
+    return plan.digest([numbers, paper, outlines, _sources(), version("matplotlib")])
+
+
+@cache
+def _sources() -> str:
+    """A hash of all sources of rkfbench, its templates included."""
+    root = Path(__file__).parent
+    return plan.hash_files(root, sorted(path for path in root.rglob("*") if path.suffix in (".py", ".j2", ".css")))
 
 
 def _sound(folder: Path, content: Mapping[str, Any]) -> bool:

@@ -97,6 +97,7 @@ def reproduce(
 
     Exit code 3 when our numbers differ from those of the reference by more than chance.
     """
+    from rkfbench.derived import of_report
     from rkfbench.errors import Different
     from rkfbench.judge import sentences
     from rkfbench.report.page import write_report
@@ -119,7 +120,7 @@ def reproduce(
             terminal.note(f"{scenario.name}: against results/reference: {level}")
             different += [scenario.name] * (level == "different")
     if folders:
-        report = write_report(folders, REFERENCE if reference else RESULTS)
+        report = write_report(folders, REFERENCE if reference else RESULTS, of_report(folders))
         rows = [{"paper": paper, "reading": reading, "claims": text} for paper, reading, text in sentences(folders)]
         terminal.records(rows, ["paper", "reading", "claims"])
         terminal.note(f"report: {', '.join(map(str, report))}")

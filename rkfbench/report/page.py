@@ -8,6 +8,7 @@ no network and no script; everything on it is read from the results folders and 
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import shlex
 from collections.abc import Mapping, Sequence
@@ -139,19 +140,36 @@ class PaperView:
         return claims, first + [(switch, [each.switches.get(switch, "") for each in claims]) for switch in switches]
 
 
-def write_report(folders: Sequence[str | Path], out: str | Path) -> list[Path]:
-    """Write report.html and report.md into `out` for these results folders; a results folder is sealed again."""
+def write_report(folders: Sequence[str | Path], out: str | Path, made_from: str = "") -> list[Path]:
+    """Write report.html and report.md into `out` for these results folders; a results folder is sealed again.
+
+    made_from: a digest of all that goes into them; what bears its stamp is left as it is.
+    """
     place = Path(out)
+    paths = [place / "report.html", place / "report.md"]
+    if made_from and all(_bears(path, made_from) for path in paths):
+        return paths
     papers = views(folders, place)
     page = environment()
-    written = []
-    for name in ("report.html", "report.md"):
-        path = place / name
-        files.write(path, page.get_template(f"{name}.j2").render(papers=papers).strip() + "\n")
-        written.append(path)
+    for path in paths:
+        text = page.get_template(f"{path.name}.j2").render(papers=papers).strip() + "\n"
+        files.write(path, text + (_stamp(text, made_from) if made_from else ""))
     if (place / manifest.NAME).exists():
         manifest.seal(place)
-    return written
+    return paths
+
+
+def _stamp(text: str, made_from: str) -> str:
+    """The last line of a page: a hash of the page and of what it was made from, which no edit of either survives."""
+    return f"<!-- stamp {hashlib.sha256(f'{made_from} {text}'.encode()).hexdigest()[:16]} -->\n"
+
+
+def _bears(path: Path, made_from: str) -> bool:
+    try:
+        text, mark, rest = path.read_text(encoding="utf-8").rpartition("<!-- stamp ")
+    except (OSError, UnicodeError):
+        return False
+    return mark + rest == _stamp(text, made_from)
 
 
 def views(folders: Sequence[str | Path], place: Path) -> list[PaperView]:
