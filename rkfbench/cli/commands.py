@@ -102,9 +102,9 @@ def reproduce(
     from rkfbench.judge import sentences
     from rkfbench.report.page import write_report
     from rkfbench.reproduce import REFERENCE, RESULTS, compared_with_reference, publish, reference_study
-    from rkfbench.scenario import bundled, load
+    from rkfbench.scenario import bundled, load_bundled
 
-    loaded = [load(name) for name in bundled()]
+    loaded = list(map(load_bundled, bundled()))
     studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
     outcomes = _experiments(terminal, studies, full=full or reference, fresh=fresh, jobs=jobs)
     failed = any(outcome.failures for outcome in outcomes)

@@ -25,7 +25,7 @@ def caption(figure: Lines, points: Sequence[Point]) -> str:
     ours = [point for point in points if point.role in ("ours", "level")]
     cases = [case_name(case).replace(" ", NO_BREAK) for case in distinct(point.case for point in ours) if case]
     reading = distinct(point.reading for point in ours)
-    metrics = ", ".join(distinct(metric_name(point.metric) for point in ours))
+    metrics = ", ".join(distinct(map(metric_name, distinct(point.metric for point in ours))))
     parts = [figure.title, figure.caption, _what(figure, metrics, _runs(ours), points)]
     parts.append(f"{_plural('Case', cases)} {'; '.join(cases)}" if cases else "")
     parts.append(f"Reading {', '.join(reading)}" if any(reading) else "")
