@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 from rkfbench import scenario as scenarios
@@ -109,9 +110,10 @@ def sentences(folders: Sequence[Path]) -> Iterator[tuple[str, str, str]]:
 
 def current(results: Results) -> Scenario:
     """The scenario of a results folder as it is now: bundled, or in the user's file; else the one that is stored."""
-    bundled = scenarios.bundled().get(results.scenario)
+    if results.scenario in scenarios.bundled():
+        return scenarios.load_bundled(results.scenario)
     source = Path(results.manifest.get("source", ""))
-    return scenarios.load(bundled or (source if source.is_file() else results.folder / "scenario.yaml"))
+    return scenarios.load(source if source.is_file() else results.folder / "scenario.yaml")
 
 
 def dockets(scenario: Scenario, results: Results | None = None) -> list[Docket]:
@@ -121,34 +123,35 @@ def dockets(scenario: Scenario, results: Results | None = None) -> list[Docket]:
     """
     found = []
     if scenario.paper in papers():
-        paper, outlines = _paper(scenario.paper)
-        if scenario.name in paper.scenarios:
-            found.append((scenario.paper, paper, outlines))
+        docket = _paper(scenario.paper)
+        if scenario.name in docket.paper.scenarios:
+            found.append(docket)
     if scenario.claims:
-        own = own_paper(scenario.name, scenario.claims)
-        found.append((scenario.name, own, {scenario.name: outline(scenario)}))
-    return [_docket(name, paper, outlines, scenario, results) for name, paper, outlines in found]
+        own, outlines = own_paper(scenario.name, scenario.claims), {scenario.name: outline(scenario)}
+        found.append(Docket(scenario.name, own, plan(own, outlines), outlines))
+    return [_with_switches(docket, scenario.name, results) for docket in found]
 
 
-def _docket(name: str, paper: Paper, outlines: Outlines, scenario: Scenario, results: Results | None) -> Docket:
-    cells = plan(paper, outlines)
-    first = outlines[scenario.name].readings[0]
+def _with_switches(docket: Docket, scenario: str, results: Results | None) -> Docket:
+    """The docket with its headline claims under every switch that was run."""
+    first = docket.outlines[scenario].readings[0]
     run = dict.fromkeys(row["reading"] for row in results.summary) if results else {}
     switches = [reading for reading in run if reading.startswith(f"{first}+")]
-    switched = [cell for switch in switches for cell in under_switch(cells, paper, scenario.name, first, switch)]
-    return Docket(name, paper, (*cells, *switched), outlines)
+    cells = (under_switch(docket.cells, docket.paper, scenario, first, switch) for switch in switches)
+    return replace(docket, cells=(*docket.cells, *chain.from_iterable(cells)))
 
 
 @cache
-def _paper(name: str) -> tuple[Paper, Outlines]:
-    """A bundled paper and the outlines of its scenarios."""
+def _paper(name: str) -> Docket:
+    """The claims of a bundled paper on all of its scenarios."""
     outlines: dict[str, Outline] = {}
 
     def faults(paper: Paper) -> Iterator[SpecError]:
         bundled = scenarios.bundled()
-        loaded = (scenarios.load(each) for each in paper.scenarios if each in bundled)
+        loaded = (scenarios.load_bundled(each) for each in paper.scenarios if each in bundled)
         outlines.update({each.name: outline(each, tuple(checks_of(name))) for each in loaded})
         found = list(problems(paper, outlines))
         yield from found or family_problems(paper, plan(paper, outlines), outlines)
 
-    return scenarios.load_paper(name, faults), outlines
+    paper = scenarios.load_paper(name, faults)
+    return Docket(name, paper, plan(paper, outlines), outlines)

@@ -9,15 +9,18 @@ import hashlib
 import re
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rkfbench import derived
+from rkfbench.aside import Aside
 from rkfbench.claims.measure import Estimand, Selected
 from rkfbench.compare import compare
 from rkfbench.errors import UsageError
-from rkfbench.judge import Docket, dockets, write_claims
-from rkfbench.report.render import render
+from rkfbench.judge import Docket, dockets
+from rkfbench.pool import Pool
 from rkfbench.scenario import bundled
 from rkfbench.store import Results, files, manifest
 from rkfbench.study import checks, clock, run, tuning
@@ -53,17 +56,20 @@ def experiment(
     full: bool = False,
     fresh: bool = False,
     engine: Engine,
+    pool: Pool,
+    aside: Aside,
     report: Report,
     argv: Sequence[str],
     goal: Goal | None = None,
 ) -> Outcome:
-    """Bring a results folder up to date: its numbers, and what is made of them."""
+    """Bring a results folder up to date: its numbers now, and what is made of them `aside`."""
     scenario, forms, choices = _measured(scenario, full)
     estimands = [form.estimand for form in forms if form.estimand is not None]
     facts: dict[str, Any] = {"argv": list(argv)}
     if scenario.name not in bundled():
         facts["source"] = scenario.file
-    with run.reserved(folder, scenario.name):
+    with ExitStack() as held:
+        held.enter_context(run.reserved(folder, scenario.name))
         outcome = run.update(
             scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts, goal=goal
         )
@@ -73,9 +79,15 @@ def experiment(
             outcome = replace(outcome, failures=tuned.failures)
         if not outcome.failures:
             checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
-            clock.update(scenario, clock.wanted(scenario, estimands), folder, full=full, fresh=fresh)
-            write_claims(scenario, folder)
-            render(folder)
+            times = clock.wanted(scenario, estimands)
+            clock.update(scenario, times, folder, full=full, fresh=fresh, alone=aside.wait)
+            lock = held.pop_all()
+
+            def finish() -> None:
+                with lock:
+                    derived.update(scenario, folder, pool, fresh=fresh)
+
+            aside(finish)
     return outcome
 
 

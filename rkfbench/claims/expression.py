@@ -11,6 +11,7 @@ import operator
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
@@ -66,6 +67,7 @@ class Expression:
         return _OPERATORS[self.op](self.left.evaluate(value), self.right.evaluate(value))
 
 
+@cache
 def parse(text: str) -> Expression:
     """The expression that `text` writes.
 

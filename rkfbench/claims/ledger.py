@@ -131,11 +131,12 @@ def claim_verdicts(paper: Paper, rows: Sequence[Row], outlines: Outlines) -> tup
 
 
 def counts(verdicts: Iterable[ClaimVerdict], reading: str) -> dict[str, Counter[Verdict]]:
-    """{evidence: number of claims with each verdict} under a reading; claims on extras and on times are left out."""
+    """{evidence: number of claims with each verdict} under a reading, those on times under `timing`; without extras."""
     found: dict[str, Counter[Verdict]] = {}
     for each in verdicts:
-        if reading in each.verdicts and not each.claim.extra and not each.timing:
-            found.setdefault(each.claim.evidence, Counter())[each.verdicts[reading]] += 1
+        if reading in each.verdicts and not each.claim.extra:
+            group = "timing" if each.timing else each.claim.evidence
+            found.setdefault(group, Counter())[each.verdicts[reading]] += 1
     return found
 
 

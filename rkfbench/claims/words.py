@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from math import inf, isnan
+from typing import Any
 
 from rkfbench.claims.ledger import ClaimVerdict, Row, counts
 from rkfbench.claims.verdict import Verdict
@@ -71,16 +72,27 @@ def _rounded(number: int) -> int:
 
 
 def summary(verdicts: Iterable[ClaimVerdict], reading: str) -> str:
-    """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced`."""
+    """The verdicts of a paper under a reading as one `phrase`."""
     total = counts(verdicts, reading)
+    timed = total.pop("timing", Counter())
     said = sum((total[each] for each in IN_TEXT if each in total), Counter[Verdict]())
     apart = sum((number for each, number in total.items() if each not in IN_TEXT), Counter[Verdict]())
-    parts = [f"{said['reproduced']} of {said.total()} claims reproduced"]
-    parts += [f"{said[verdict]} {verdict}" for verdict in _OTHERS if said[verdict]]
-    text = ", ".join(parts)
-    if apart:
-        text += f"; of {apart.total()} reconstructed or our own, {apart['reproduced']} reproduced"
-    return text
+    return phrase(said, apart, timed)
+
+
+def phrase(said: Counter[Any], apart: Counter[Any], timed: Counter[Any]) -> str:
+    """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced`.
+
+    said: what the papers say. apart: what is reconstructed or ours. timed: what a clock decides.
+    """
+    parts = []
+    if said:
+        others = [f"{said[verdict]} {verdict}" for verdict in _OTHERS if said[verdict]]
+        parts.append(", ".join([f"{said['reproduced']} of {said.total()} claims reproduced", *others]))
+    for counted, what in ((apart, "reconstructed or our own"), (timed, "on computing times")):
+        if counted:
+            parts.append(f"of {counted.total()} {what}, {counted['reproduced']} reproduced")
+    return "; ".join(parts) or "no claim was decided"
 
 
 def markdown(title: str, verdicts: Iterable[ClaimVerdict]) -> str:

@@ -86,11 +86,13 @@ def report(
     ] = None,
 ) -> None:
     """Make tables, figures and report again from results folders; runs no filter."""
+    from rkfbench.pool import Pool
     from rkfbench.report.page import write_report
     from rkfbench.report.render import render
 
-    for folder in folders:
-        render(folder)
+    with Pool() as pool:
+        for folder in folders:
+            render(folder, pool)
     for path in write_report(folders, out or folders[0]):
         terminal.data(str(path))
 

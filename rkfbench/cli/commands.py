@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -89,22 +91,16 @@ def run(
     numbers = {"runs": runs, "seed": seed, "max-runs": max_runs}
     overrides = [*sets, *sweeps, *(f"{name}={value}" for name, value in numbers.items() if value is not None)]
     overrides += [f"precision={each}" for each in precision]
-    outcomes = []
-    for scenario in [load(each, sets=sets, sweeps=sweeps, runs=runs, seed=seed) for each in scenarios]:
-        folder = folder_of(scenario, overrides)
-        if out is not None:
-            folder = out if len(scenarios) == 1 else out / scenario.name
-        if shard is not None:
-            outcomes.append(_shard(terminal, scenario, folder, shard, full=full, jobs=jobs, scheduler=scheduler))
-            continue
-        goal = None
-        if precision:
-            from rkfbench.study.precision import Goal
-
-            goal = Goal.of(precision, max_runs, scenario)
-        outcomes.append(
-            _experiment(terminal, scenario, folder, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goal=goal)
-        )
+    loaded = [load(each, sets=sets, sweeps=sweeps, runs=runs, seed=seed) for each in scenarios]
+    folders = [folder_of(scenario, overrides) for scenario in loaded]
+    if out is not None:
+        folders = [out if len(loaded) == 1 else out / scenario.name for scenario in loaded]
+    studies = list(zip(loaded, folders, strict=True))
+    if shard is None:
+        goals = [_goal(scenario, precision, max_runs) for scenario in loaded]
+        outcomes = _experiments(terminal, studies, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goals=goals)
+    else:
+        outcomes = _shards(terminal, studies, shard, full=full, jobs=jobs, scheduler=scheduler)
     if terminal.json:
         terminal.object([_as_data(outcome) for outcome in outcomes])
     else:
@@ -129,21 +125,22 @@ def reproduce(
 
     Exit code 3 when our numbers differ from those of the reference by more than chance.
     """
+    from rkfbench.derived import of_report
     from rkfbench.errors import Different
     from rkfbench.judge import sentences
     from rkfbench.report.page import write_report
     from rkfbench.reproduce import REFERENCE, RESULTS, compared_with_reference, publish, reference_study
-    from rkfbench.scenario import bundled, load
+    from rkfbench.scenario import bundled, load_bundled
 
-    folders, different, failed = [], [], False
-    for scenario in [load(name) for name in bundled()]:
-        folder = RESULTS / scenario.name
-        if reference:
-            scenario, folder = reference_study(scenario)
-        outcome = _experiment(terminal, scenario, folder, full=full or reference, fresh=fresh, jobs=jobs)
+    loaded = list(map(load_bundled, bundled()))
+    studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
+    outcomes = _experiments(terminal, studies, full=full or reference, fresh=fresh, jobs=jobs)
+    failed = any(outcome.failures for outcome in outcomes)
+    folders, different = [], []
+    for (scenario, folder), outcome in zip(studies, outcomes, strict=True):
         if outcome.failures:
-            failed = True
-        elif reference:
+            continue
+        if reference:
             folders.append(publish(folder, REFERENCE / scenario.name))
         else:
             folders.append(folder)
@@ -151,7 +148,7 @@ def reproduce(
             terminal.note(f"{scenario.name}: against results/reference: {level}")
             different += [scenario.name] * (level == "different")
     if folders:
-        report = write_report(folders, REFERENCE if reference else RESULTS)
+        report = write_report(folders, REFERENCE if reference else RESULTS, of_report(folders))
         rows = [{"paper": paper, "reading": reading, "claims": text} for paper, reading, text in sentences(folders)]
         terminal.records(rows, ["paper", "reading", "claims"])
         terminal.note(f"report: {', '.join(map(str, report))}")
@@ -206,54 +203,79 @@ def _check_together(
         raise UsageError("--shard cannot go with --fresh, which would remove the blocks of other shards")
 
 
-def _experiment(
+def _goal(scenario: Any, precision: list[str], max_runs: int | None) -> Any:
+    """What `--precision` asks of a scenario, if anything."""
+    if not precision:
+        return None
+    from rkfbench.study.precision import Goal
+
+    return Goal.of(precision, max_runs, scenario)
+
+
+def _experiments(
     terminal: Terminal,
-    scenario: Any,
-    folder: Path,
+    studies: Sequence[tuple[Any, Path]],
     *,
     full: bool,
     fresh: bool,
     jobs: int | None,
     scheduler: str | None = None,
-    goal: Any = None,
-) -> Any:
-    """One experiment under the eyes of the user."""
+    goals: Sequence[Any] = (),
+) -> list[Any]:
+    """Experiments under the eyes of the user, one after the other; what can be made later is made beside the next."""
+    from rkfbench.aside import Aside
+    from rkfbench.pool import Pool
     from rkfbench.reproduce import experiment
     from rkfbench.study.engines import engine
 
-    how, argv = engine(jobs, scheduler), ["rkfbench", *sys.argv[1:]]
-    with terminal.progress(scenario.name) as listen:
-        outcome = experiment(scenario, folder, full=full, fresh=fresh, engine=how, report=listen, argv=argv, goal=goal)
-    terminal.note(_summary(scenario.name, outcome))
-    return outcome
+    outcomes = []
+    with Pool(jobs) as pool, Aside(pool.workers > 1) as aside:
+        how, argv = engine(jobs, pool, scheduler), ["rkfbench", *sys.argv[1:]]
+        shared: dict[str, Any] = {
+            "full": full,
+            "fresh": fresh,
+            "engine": how,
+            "pool": pool,
+            "aside": aside,
+            "argv": argv,
+        }
+        for (scenario, folder), goal in zip_longest(studies, goals):
+            with terminal.progress(scenario.name) as listen:
+                outcomes.append(experiment(scenario, folder, report=listen, goal=goal, **shared))
+            terminal.note(_summary(scenario.name, outcomes[-1]))
+    return outcomes
 
 
-def _shard(
+def _shards(
     terminal: Terminal,
-    scenario: Any,
-    folder: Path,
+    studies: Sequence[tuple[Any, Path]],
     text: str,
     *,
     full: bool,
     jobs: int | None,
     scheduler: str | None,
-) -> Any:
-    """One shard of an experiment, and what is still to be done; on one core unless told otherwise."""
+) -> list[Any]:
+    """One shard of each experiment, and what is still to be done; on one core unless told otherwise."""
+    from rkfbench.pool import Pool
     from rkfbench.reproduce import shard_of_experiment
     from rkfbench.study.engines import engine
     from rkfbench.study.shards import Shard
 
-    shard, how = Shard.of(text), engine(jobs or 1, scheduler)
-    with terminal.progress(scenario.name) as listen:
-        outcome = shard_of_experiment(scenario, folder, shard, full=full, engine=how, report=listen)
-    done = f"{scenario.name}: shard {shard}: {outcome.computed} blocks computed, {outcome.reused} were there"
-    left = (
-        f"{outcome.open} blocks of the study are still to be computed by other shards; then"
-        if outcome.open
-        else "all blocks of the study are there:"
-    )
-    terminal.note(f"{done}; {left} the same command without --shard makes the tables")
-    return outcome
+    shard, outcomes = Shard.of(text), []
+    with Pool(jobs or 1) as pool:
+        how = engine(jobs or 1, pool, scheduler)
+        for scenario, folder in studies:
+            with terminal.progress(scenario.name) as listen:
+                outcome = shard_of_experiment(scenario, folder, shard, full=full, engine=how, report=listen)
+            done = f"{scenario.name}: shard {shard}: {outcome.computed} blocks computed, {outcome.reused} were there"
+            left = (
+                f"{outcome.open} blocks of the study are still to be computed by other shards; then"
+                if outcome.open
+                else "all blocks of the study are there:"
+            )
+            terminal.note(f"{done}; {left} the same command without --shard makes the tables")
+            outcomes.append(outcome)
+    return outcomes
 
 
 def _summary(name: str, outcome: Any) -> str:

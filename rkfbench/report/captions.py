@@ -17,7 +17,7 @@ def caption(figure: Drawn, points: Sequence[Point], words: Words = PLAIN) -> str
     ours = [point for point in points if point.role in ("ours", "level")]
     cases = [words.case(case).replace(" ", NO_BREAK) for case in distinct(point.case for point in ours) if case]
     reading = distinct(point.reading for point in ours)
-    metrics = ", ".join(distinct(words.metric(point.metric) for point in ours))
+    metrics = ", ".join(distinct(words.metric(each) for each in distinct(point.metric for point in ours)))
     parts = [figure.title, figure.caption, _what(figure, metrics, _runs(ours), points, words)]
     parts.append(_cases(cases) if cases else "")
     parts.append(f"Reading {', '.join(reading)}" if any(reading) else "")

@@ -74,8 +74,7 @@ def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = ""
     rows, columns = grid.shape
     share = figure.share or ("none" if "metric" in (grid.row_of, grid.column_of) else "all")
     lines = textwrap.wrap(caption, CAPTION_CHARACTERS if columns > 1 else CAPTION_CHARACTERS * 5 // 7)
-    width = WIDTH if columns > 1 else 5.0
-    body = 0.35 + rows * (3.0 if rows * columns == 1 else 2.15 if columns < 4 else 1.75)
+    width, body = size(grid)
     height = body + (0.1 + CAPTION_LINE * len(lines) if lines else 0)
     sheet = Figure(
         figsize=(width, height), layout=ConstrainedLayoutEngine(rect=(0, 1 - body / height, 1, body / height))
@@ -100,6 +99,13 @@ def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = ""
     if lines:
         sheet.text(0.01, 0.06 / height, "\n".join(lines), fontsize=7.5, color="#333333", va="bottom", linespacing=1.25)
     return sheet
+
+
+def size(grid: Grid) -> tuple[float, float]:
+    """Width and height of all panels in inches; a caption stands below them."""
+    rows, columns = grid.shape
+    height = 3.0 if rows * columns == 1 else 2.15 if columns < 4 else 1.75
+    return WIDTH if columns > 1 else 5.0, 0.35 + rows * height
 
 
 def layout(figure: Drawn, points: Sequence[Point], words: Words = PLAIN) -> Grid:

@@ -26,6 +26,7 @@ COLUMNS = (
     "verdict", "flip", "flip_percent", "runs",
 )  # fmt: skip
 ROOM = 0.12  # of the span, at both ends
+TOP, FOOT = 0.15, 0.25  # inches
 WORST = ("not reproduced", "not run", "inconclusive", "unsupported", "not testable", "reproduced")
 MARKS = {"reproduced": "●", "not reproduced": "✕", "inconclusive": "◇"}  # any other verdict: a dash
 VERDICT_COLOURS = {"reproduced": style.BLUE, "not reproduced": style.RED}  # any other verdict: grey
@@ -113,15 +114,21 @@ def line(row: Row, cells: int = 1) -> Line:
     )
 
 
+def size(found: Sequence[Line]) -> tuple[float, float]:
+    """Width and height of the rows in inches; a caption stands below them."""
+    return 7.0, TOP + FOOT + 0.44 * len(found)
+
+
 def draw(found: Sequence[Line], caption: str = "") -> Figure:
     """The rows as a figure (inside `style.styled()`): region shaded, interval as a bar, verdict as shape and word."""
     from matplotlib.figure import Figure
 
     below = textwrap.wrap(caption, 118)
-    top, foot = 0.15, 0.25 + 0.155 * len(below)
-    height = top + foot + 0.44 * len(found)
-    sheet = Figure(figsize=(7.0, height))
-    ax = sheet.add_axes((0.30, foot / height, 0.34, (height - top - foot) / height))
+    width, body = size(found)
+    foot = FOOT + 0.155 * len(below)
+    height = body - FOOT + foot
+    sheet = Figure(figsize=(width, height))
+    ax = sheet.add_axes((0.30, foot / height, 0.34, (height - TOP - foot) / height))
     ax.set(xlim=(0, 1), ylim=(len(found) - 0.5, -0.5), xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
     ax.grid(visible=False)

@@ -8,6 +8,7 @@ no network and no script; everything on it is read from the results folders and 
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import shlex
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rkfbench.report import style, tables, verdicts
+from rkfbench.errors import UsageError
+from rkfbench.report import tables, verdicts
 from rkfbench.report.material import distinct, text
 from rkfbench.report.render import Outcome, Picture
 from rkfbench.report.verdicts import ClaimView
@@ -26,16 +28,16 @@ from rkfbench.store import files, manifest
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-PAGE_DPI = 120
+PIXELS = 96  # of the page to an inch of a figure
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure as the page shows it."""
+    """A figure as the page shows it: its file but for the caption at the foot, which stands beside it as text."""
 
     picture: Picture
     png: str  # base64
-    width: int
+    width: int  # of what is shown
     height: int
     file: str  # the PNG of the results folder, relative to the page
 
@@ -57,15 +59,15 @@ class ScenarioView:
 
     @cached_property
     def figures(self) -> list[Shown]:
-        """The declared figures, drawn without their captions, which stand beside them as text."""
+        """The declared figures, as `render` has drawn them."""
         shown = []
-        with style.styled():
-            for picture in self.outcome.pictures():
-                drawn = picture.drawn(with_caption=False)
-                width, height = (round(inches * 96) for inches in drawn.get_size_inches())
-                png = base64.b64encode(style.png(drawn, PAGE_DPI)).decode()
-                file = self.outcome.results.folder / "figures" / f"{picture.stem}.png"
-                shown.append(Shown(picture, png, width, height, relative(file, self.place)))
+        for picture in self.outcome.pictures():
+            file = self.outcome.results.folder / "figures" / f"{picture.stem}.png"
+            if not file.exists():
+                raise UsageError(f"{file} is missing: make it again with rkfbench report {self.outcome.results.folder}")
+            width, height = (round(inches * PIXELS) for inches in picture.size)
+            png = base64.b64encode(file.read_bytes()).decode()
+            shown.append(Shown(picture, png, width, height, relative(file, self.place)))
         return shown
 
     @property
@@ -143,19 +145,36 @@ class PaperView:
         return claims, first + [(switch, [each.switches.get(switch, "") for each in claims]) for switch in switches]
 
 
-def write_report(folders: Sequence[str | Path], out: str | Path) -> list[Path]:
-    """Write report.html and report.md into `out` for these results folders; a results folder is sealed again."""
+def write_report(folders: Sequence[str | Path], out: str | Path, made_from: str = "") -> list[Path]:
+    """Write report.html and report.md into `out` for these results folders; a results folder is sealed again.
+
+    made_from: a digest of all that goes into them; what bears its stamp is left as it is.
+    """
     place = Path(out)
+    paths = [place / "report.html", place / "report.md"]
+    if made_from and all(_bears(path, made_from) for path in paths):
+        return paths
     papers = views(folders, place)
     page = environment()
-    written = []
-    for name in ("report.html", "report.md"):
-        path = place / name
-        files.write(path, page.get_template(f"{name}.j2").render(papers=papers).strip() + "\n")
-        written.append(path)
+    for path in paths:
+        text = page.get_template(f"{path.name}.j2").render(papers=papers).strip() + "\n"
+        files.write(path, text + (_stamp(text, made_from) if made_from else ""))
     if (place / manifest.NAME).exists():
         manifest.seal(place)
-    return written
+    return paths
+
+
+def _stamp(text: str, made_from: str) -> str:
+    """The last line of a page: a hash of the page and of what it was made from, which no edit of either survives."""
+    return f"<!-- stamp {hashlib.sha256(f'{made_from} {text}'.encode()).hexdigest()[:16]} -->\n"
+
+
+def _bears(path: Path, made_from: str) -> bool:
+    try:
+        text, mark, rest = path.read_text(encoding="utf-8").rpartition("<!-- stamp ")
+    except (OSError, UnicodeError):
+        return False
+    return mark + rest == _stamp(text, made_from)
 
 
 def views(folders: Sequence[str | Path], place: Path) -> list[PaperView]:

@@ -1,5 +1,7 @@
 """From a results folder to its tables and figures; nothing is computed anew, so no filter runs.
 
+Figures are drawn from plain data, here or in the processes of a pool, with the same bytes; only this process writes.
+
 A committed folder does not keep the numbers of single runs. What needs them (marks of single runs, errors of medians)
 is then drawn from the CSV that was written when they were there.
 """
@@ -14,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rkfbench import scenario as scenarios
+from rkfbench.pool import Pool
 from rkfbench.report import figures, forest, style, tables
 from rkfbench.report.captions import caption
 from rkfbench.report.influence import influence_points
@@ -25,6 +28,7 @@ from rkfbench.scenario.display import Figure, Forest, Influence, Table
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.store import Results, files, manifest
 
+SECONDS = 0.4  # to draw a figure, about
 FOREST_CAPTION = (
     "Bar: interval of the 95 % family; shaded: claimed region, with its edges. Each row has its own scale and shows "
     "the cell that decides the claim."
@@ -48,12 +52,18 @@ class Picture:
         reading = re.sub(r"[^\w-]+", "-", self.reading)
         return f"{self.figure.id}.{reading}" if reading not in ("", "default") else self.figure.id
 
-    def drawn(self, with_caption: bool) -> Any:
-        """The matplotlib figure (inside `style.styled()`)."""
-        text = self.caption if with_caption else ""
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height in inches of what stands above the caption."""
         if isinstance(self.figure, Forest):
-            return forest.draw(self.lines, text)
-        return figures.draw(self.figure, self.points, self.looks, text, self.words)
+            return forest.size(self.lines)
+        return figures.size(figures.layout(self.figure, self.points, self.words))
+
+    def drawn(self) -> Any:
+        """The matplotlib figure (inside `style.styled()`)."""
+        if isinstance(self.figure, Forest):
+            return forest.draw(self.lines, self.caption)
+        return figures.draw(self.figure, self.points, self.looks, self.caption, self.words)
 
 
 @dataclass(frozen=True)
@@ -139,10 +149,10 @@ class Outcome:
         return read(path) if not self.results.has_runs and path.exists() else None
 
 
-def render(folder: str | Path) -> list[Path]:
+def render(folder: str | Path, pool: Pool | None = None) -> list[Path]:
     """Write tables/ and figures/ of a results folder and seal it; returns the files, in the order of the scenario."""
     outcome = Outcome.open(folder)
-    written = [*_write_tables(outcome), *_write_figures(outcome)]
+    written = [*_write_tables(outcome), *_write_figures(outcome, pool or Pool(1))]
     manifest.seal(outcome.results.folder)
     return written
 
@@ -156,17 +166,25 @@ def _write_tables(outcome: Outcome) -> Iterator[Path]:
         yield from (stem.with_suffix(suffix) for suffix in (".csv", ".md", ".tex"))
 
 
-def _write_figures(outcome: Outcome) -> Iterator[Path]:
+def _write_figures(outcome: Outcome, pool: Pool) -> Iterator[Path]:
+    place = outcome.results.folder / "figures"
+    pictures = list(outcome.pictures())
+    drawn = pool.ordered(_files, pictures) if pool.pays(len(pictures) * SECONDS) else map(_files, pictures)
+    for picture, (png, pdf) in zip(pictures, drawn, strict=True):
+        paths = {suffix: place / f"{picture.stem}{suffix}" for suffix in (".png", ".pdf", ".csv")}
+        files.write(paths[".png"], png)
+        files.write(paths[".pdf"], pdf)
+        if picture.points:
+            write_points(paths[".csv"], picture.points)
+        else:
+            files.write_records(paths[".csv"], forest.COLUMNS, (line.record for line in picture.lines))
+        yield from paths.values()
+
+
+def _files(picture: Picture) -> tuple[bytes, bytes]:
+    """A picture as PNG and PDF."""
     with style.styled():
-        for picture in outcome.pictures():
-            place = outcome.results.folder / "figures"
-            drawn = picture.drawn(with_caption=True)
-            paths = {suffix: place / f"{picture.stem}{suffix}" for suffix in (".png", ".pdf", ".csv")}
-            files.write(paths[".png"], style.png(drawn))
-            drawn.set_layout_engine("none")  # laid out by now; once is enough
-            files.write(paths[".pdf"], style.pdf(drawn))
-            if picture.points:
-                write_points(paths[".csv"], picture.points)
-            else:
-                files.write_records(paths[".csv"], forest.COLUMNS, (line.record for line in picture.lines))
-            yield from paths.values()
+        figure = picture.drawn()
+        png = style.png(figure)
+        figure.set_layout_engine("none")  # laid out by now; once is enough
+        return png, style.pdf(figure)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rkfbench.claims.verdict import combine
+from rkfbench.claims.words import IN_TEXT, phrase
 from rkfbench.report import forest
 from rkfbench.report.material import distinct, text
 from rkfbench.report.numbers import written
@@ -17,7 +18,6 @@ from rkfbench.scenario.claims import Claim
 from rkfbench.scenario.paper_schema import Paper
 
 Row = Mapping[str, Any]
-IN_TEXT = ("text", "literature")  # what the papers say or cite; what is reconstructed or our own is counted apart
 ORDER = ("reproduced", "not reproduced", "inconclusive", "not testable", "unsupported", "not run")
 SWITCH = "+"
 
@@ -32,6 +32,7 @@ class ClaimView:
     evidence: str
     headline: bool
     extra: bool
+    timing: bool  # decided by a clock: true of one machine only
     verdicts: dict[str, str]
     switches: dict[str, str]
     cells: dict[str, list[Row]]
@@ -80,8 +81,9 @@ def claim_views(
                 "ours" if paper and claim in own else text(mine[0]["evidence"]),
                 claim is not None and claim.id in headline,
                 claim is not None and claim.extra,
-                {reading: _verdict(cells) for reading, cells in shown.items()},
-                {switch: _verdict(cells) for switch, cells in switched.items()},
+                any(row["family"] == "timing" for row in deciding),
+                {reading: _verdict(cells, claim) for reading, cells in shown.items()},
+                {switch: _verdict(cells, claim) for switch, cells in switched.items()},
                 shown,
                 {reading: under(reading, aside) for reading in readings},
             )
@@ -91,23 +93,13 @@ def claim_views(
 
 def tally(claims: Sequence[ClaimView], reading: str) -> list[tuple[str, int]]:
     """(verdict, number) of the claims that the paper's text makes, under a reading."""
-    counted = Counter(claim.verdicts[reading] for claim in _counted(claims, reading) if claim.evidence in IN_TEXT)
+    counted = _counted(claims, reading)["said"]
     return [(verdict, counted[verdict]) for verdict in ORDER if counted[verdict]]
 
 
 def sentence(claims: Sequence[ClaimView], reading: str) -> str:
     """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced.`"""
-    counted = dict(tally(claims, reading))
-    apart = [claim for claim in _counted(claims, reading) if claim.evidence not in IN_TEXT]
-    parts = []
-    if counted:
-        others = [f"{number} {verdict}" for verdict, number in counted.items() if verdict != "reproduced"]
-        first = f"{counted.get('reproduced', 0)} of {sum(counted.values())} claims reproduced"
-        parts.append(", ".join([first, *others]))
-    if apart:
-        good = sum(claim.verdicts[reading] == "reproduced" for claim in apart)
-        parts.append(f"of {len(apart)} reconstructed or our own, {good} reproduced")
-    words = "; ".join(parts) or "no claim was decided"
+    words = phrase(**_counted(claims, reading))
     return f"{words[0].upper()}{words[1:]}."
 
 
@@ -160,12 +152,18 @@ def remarks(row: Row) -> str:
     return "; ".join(notes)
 
 
-def _counted(claims: Sequence[ClaimView], reading: str) -> list[ClaimView]:
-    return [claim for claim in claims if reading in claim.verdicts and not claim.extra]
+def _counted(claims: Sequence[ClaimView], reading: str) -> dict[str, Counter[str]]:
+    """The verdicts on what the papers say, on what is reconstructed or ours, and on times; without extras."""
+    counted: dict[str, Counter[str]] = {"said": Counter(), "apart": Counter(), "timed": Counter()}
+    for claim in claims:
+        if reading in claim.verdicts and not claim.extra:
+            group = "timed" if claim.timing else "said" if claim.evidence in IN_TEXT else "apart"
+            counted[group][claim.verdicts[reading]] += 1
+    return counted
 
 
-def _verdict(cells: Sequence[Row]) -> str:
-    return combine([row["verdict"] for row in cells])
+def _verdict(cells: Sequence[Row], claim: Claim | None) -> str:
+    return combine([row["verdict"] for row in cells], claim.holds if claim else "all")
 
 
 def _is(template: str, identity: str) -> bool:

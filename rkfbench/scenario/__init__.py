@@ -7,8 +7,8 @@ for cell in scenario.cells: print(cell.reading, cell.case, cell.spec["measuremen
 from __future__ import annotations
 
 from rkfbench.scenario.files import bundled
-from rkfbench.scenario.load import load
+from rkfbench.scenario.load import load, load_bundled
 from rkfbench.scenario.paper import load_paper
 from rkfbench.scenario.scenario import Cell, Scenario
 
-__all__ = ["Cell", "Scenario", "bundled", "load", "load_paper"]
+__all__ = ["Cell", "Scenario", "bundled", "load", "load_bundled", "load_paper"]

@@ -7,6 +7,7 @@ the line of the reading, one that came from an option names the option.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence, Set
+from functools import cache
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -74,6 +75,12 @@ def load(
         claims=tuple(file.claims),
         resolved=_resolved(document, file),
     )
+
+
+@cache
+def load_bundled(name: str) -> Scenario:
+    """A bundled scenario as it stands in its file, which is read once."""
+    return load(name)
 
 
 def _with_options(

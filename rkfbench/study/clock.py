@@ -1,13 +1,14 @@
 """Which computing times a study shows, and where they are kept: in timings/, apart from all that is byte-compared.
 
 `timings/repeats.csv` has every single measurement, `timings/times.csv` their statistics in the columns of summary.csv
-(a run is a repeat). Clock values are measured once
-for a state of the code; they belong to the first reading, because a reading changes numbers, not the work.
+(a run is a repeat). Clock values are measured once for a state of the code, one after the other in the process of the
+command, while nothing else of that command runs (`alone` waits for it). They belong to the first reading, because a
+reading changes numbers, not the work.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +30,15 @@ STATISTICS = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q9
 Wanted = Mapping[str, set[str]]  # case -> labels of filters
 
 
-def update(scenario: Scenario, wanted: Wanted, folder: Path, *, full: bool, fresh: bool = False) -> None:
+def update(
+    scenario: Scenario,
+    wanted: Wanted,
+    folder: Path,
+    *,
+    full: bool,
+    fresh: bool = False,
+    alone: Callable[[], None] = lambda: None,
+) -> None:
     """Measure the times that are wanted, unless the folder has them from the same code and filters."""
     from rkfbench.study.timing import measure
 
@@ -38,6 +47,7 @@ def update(scenario: Scenario, wanted: Wanted, folder: Path, *, full: bool, fres
     measured = manifest.read(folder).get("hashes", {}).get("times") == made_from
     if not jobs or (measured and not fresh):
         return
+    alone()
     values: dict[tuple[str, ...], list[float]] = {}
     for cell, labels in jobs:
         for time in measure(cell.case, cell.spec, scenario.seed, labels, FORMS if full else FORMS[:1]):

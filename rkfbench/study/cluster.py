@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
 from rkfbench.errors import RkfbenchError, UsageError
-from rkfbench.study.engines import AHEAD
+from rkfbench.pool import AHEAD
 from rkfbench.study.jobs import Done, Job, work
 from rkfbench.study.packing import Agenda, divided
 from rkfbench.study.plan import code_hash

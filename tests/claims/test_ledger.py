@@ -14,6 +14,8 @@ from rkfbench.claims.records import COLUMNS, KEY, record, stored, verify
 from rkfbench.claims.verdict import judge
 from rkfbench.claims.words import markdown, sentence, summary
 from rkfbench.errors import UsageError
+from rkfbench.report.verdicts import claim_views
+from rkfbench.report.verdicts import sentence as said_by_the_report
 from rkfbench.scenario.paper_schema import Paper
 from tests.claims.fakes import Arrays
 
@@ -114,18 +116,30 @@ def test_a_row_shows_what_the_papers_own_number_of_runs_could_have_seen() -> Non
     assert row.at_paper_runs == there.verdict
 
 
-def test_counts_keep_what_the_paper_says_apart_from_the_rest_and_leave_out_extras_and_times() -> None:
+def test_counts_keep_apart_what_the_paper_says_what_is_ours_and_what_a_clock_decides_and_leave_out_extras() -> None:
     found = counts(verdicts().values(), "root")
     assert found == {
         "text": Counter({"reproduced": 2, "unsupported": 1, "not testable": 1}),
         "literature": Counter({"not reproduced": 1}),
         "reconstruction": Counter({"inconclusive": 1}),
         "ours": Counter({"reproduced": 1, "not reproduced": 1}),
+        "timing": Counter({"reproduced": 1}),
     }
     assert summary(verdicts().values(), "root") == (
         "2 of 5 claims reproduced, 1 not reproduced, 1 not testable, 1 unsupported; "
-        "of 3 reconstructed or our own, 1 reproduced"
+        "of 3 reconstructed or our own, 1 reproduced; of 1 on computing times, 1 reproduced"
     )
+
+
+def test_the_report_says_the_same_as_the_terminal() -> None:
+    lines = list(map(record, rows()))
+    readings = OUTLINES["s"].readings
+    views = claim_views(lines, readings, {"s": readings}, paper(), [])
+    for reading in readings:
+        assert said_by_the_report(views, reading) == f"{summary(verdicts().values(), reading)}."
+        assert {each.id: each.verdicts[reading] for each in views} == {
+            name: each.verdicts[reading] for name, each in verdicts().items()
+        }
 
 
 def test_headline_claims_are_measured_again_under_a_switch() -> None:

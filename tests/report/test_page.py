@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+import base64
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
+from rkfbench.errors import UsageError
 from rkfbench.report.page import write_report
+from rkfbench.report.render import render
 from rkfbench.store import Results, manifest
 from tests.report import fakes
 
@@ -44,6 +47,7 @@ class Page(HTMLParser):
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("page")
     fakes.write_results(place / "fake")
+    render(place / "fake")
     write_report([place / "fake"], place)
     return place
 
@@ -66,6 +70,23 @@ def test_the_page_needs_no_network_and_no_script(page: Page) -> None:
     assert "script" not in {tag for tag, _ in page.tags}
     assert all(source.startswith("data:") for source in (*sources, *links))
     assert not any(name.startswith("on") for _, attrs in page.tags for name in attrs)
+
+
+def test_a_picture_is_shown_without_the_caption_at_its_foot_which_stands_beside_it(page: Page, written: Path) -> None:
+    shown = next(attrs for tag, attrs in page.tags if tag == "img" and (attrs["alt"] or "").startswith("fig1"))
+    file = (written / "fake" / "figures" / "fig1.literal.png").read_bytes()
+    whole = [int.from_bytes(file[place : place + 4], "big") for place in (16, 20)]  # of the PNG header
+    width, height = map(int, re.findall(r"\d+", shown["style"] or ""))
+    assert base64.b64decode((shown["src"] or "").partition(",")[2]) == file
+    assert shown["width"] == str(width)
+    assert 0.75 < (height / width) / (whole[1] / whole[0]) < 0.95
+
+
+def test_a_missing_picture_is_named(folder: Path) -> None:
+    render(folder)
+    (folder / "figures" / "fig1.root.png").unlink()
+    with pytest.raises(UsageError, match=r"fig1\.root\.png is missing: make it again with rkfbench report"):
+        write_report([folder], folder)
 
 
 def test_links_inside_the_page_lead_somewhere(page: Page) -> None:
@@ -123,6 +144,7 @@ def test_the_markdown_says_the_same_and_links_the_pictures(written: Path) -> Non
 
 
 def test_the_page_of_a_results_folder_is_sealed_with_it(folder: Path) -> None:
+    render(folder)
     write_report([folder], folder)
     assert {"report.html", "report.md"} <= set(Results.open(folder).manifest["files"])
 
@@ -132,6 +154,7 @@ def test_two_scenarios_without_a_paper_stand_side_by_side(written: Path, folder:
     (folder / "scenario.yaml").write_text(renamed)
     (folder / "claims.csv").unlink()
     manifest.seal(folder)
+    render(folder)
     write_report([written / "fake", folder], folder)
     both = Page((folder / "report.html").read_text(encoding="utf-8"))
     assert "No claim was decided." in both.text

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from rkfbench.report.page import write_report
+from rkfbench.report.render import render
 from tests.report import fakes
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -36,6 +37,7 @@ PROBE = """<script>onload = () => {
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("page")
     fakes.write_results(place / "fake")
+    render(place / "fake")
     write_report([place / "fake"], place)
     html = (place / "report.html").read_text(encoding="utf-8").replace("<details", "<details open")
     (place / "page.html").write_text(html.replace("</body>", f"{PROBE}</body>"), encoding="utf-8")

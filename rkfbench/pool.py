@@ -1,0 +1,111 @@
+"""The worker processes of one command: started when they are first wanted, and kept for all that it gives them to do.
+
+They are spawned, so that no state is inherited, and run BLAS on one thread. What they do is a pure function of plain
+data, so that nothing depends on their number.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING, Self, TypeVar
+
+from rkfbench import blas
+from rkfbench.errors import RkfbenchError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future, ProcessPoolExecutor
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+START_UP = 3.0  # seconds of work that make starting worker processes worth their start-up
+AHEAD = 2  # items for each worker that are on their way: one computed, one waiting beside it
+
+
+def cores() -> int:
+    """The cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Pool:
+    """At most `workers` processes (`None`: one a core); with one, all is done in this process.
+
+    Leaving the `with` block ends them: at once when an exception leaves it.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self.workers = cores() if workers is None else workers
+        self._processes: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if self._processes is None:
+            return
+        import multiprocessing
+
+        children = multiprocessing.active_children()
+        self._processes.shutdown(wait=kind is None, cancel_futures=True)
+        if kind is not None:
+            for child in children:
+                child.terminate()
+
+    def pays(self, seconds: float) -> bool:
+        """Whether so many seconds of work in several pieces are better given to the processes than done here."""
+        return self.workers > 1 and (self._processes is not None or seconds > START_UP)
+
+    def ordered(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+        """function(item) of each item, in their order; all are handed over at once."""
+        with _told():
+            for future in [self._submit(function, item) for item in items]:
+                yield future.result()
+
+    def fed(self, function: Callable[[Item], Result], take: Callable[[], Item | None]) -> Iterator[tuple[Item, Result]]:
+        """Each item that `take` gives, until it gives None, with its function(item) as soon as that is there; an item
+        is taken only when it would not wait for long.
+        """
+        from concurrent.futures import FIRST_COMPLETED, wait
+
+        running: dict[Future[Result], Item] = {}
+        with _told():
+            while True:
+                while len(running) < AHEAD * self.workers and (item := take()) is not None:
+                    running[self._submit(function, item)] = item
+                if not running:
+                    return
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    yield running.pop(future), future.result()
+
+    def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+        if self._processes is None:
+            import multiprocessing
+            from concurrent.futures import ProcessPoolExecutor
+
+            blas.one_thread()
+            spawn = multiprocessing.get_context("spawn")
+            self._processes = ProcessPoolExecutor(self.workers, mp_context=spawn, initializer=_ignore_interrupts)
+        return self._processes.submit(function, item)
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """The death of a worker as one message for the user."""
+    from concurrent.futures.process import BrokenProcessPool
+
+    try:
+        yield
+    except BrokenProcessPool as error:
+        raise RkfbenchError(
+            "a worker process was killed (out of memory?); finished blocks are kept: run the same command again, "
+            "with fewer --jobs if memory was short"
+        ) from error
+
+
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches every process of a terminal; only the driver answers it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
