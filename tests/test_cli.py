@@ -63,6 +63,69 @@ def test_any_number_of_processes_gives_the_same_bytes(small: Path) -> None:
     assert tables(Path("1")) == tables(Path("2"))
 
 
+def test_dask_is_an_engine_like_the_others(small: Path) -> None:
+    pytest.importorskip("distributed")
+    command = [sys.executable, "-m", "rkfbench", "run", small, "--scheduler", "local", "--jobs", "1", "--out", "dask"]
+    environment = os.environ | {"PYTHONPATH": ROOT}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout == "dask\n"
+    assert "Traceback" not in done.stderr
+    assert rkfbench("run", small, "--jobs", "1", "--out", "serial").exit_code == 0
+    assert tables(Path("dask")) == tables(Path("serial"))
+
+
+def test_shards_say_what_is_left_and_a_plain_run_merges_them(small: Path) -> None:
+    first = rkfbench("run", small, "--shard", "1/2", "--out", "r")
+    assert (first.exit_code, first.stdout) == (0, "r\n")
+    assert (
+        "small: shard 1/2: 1 blocks computed, 0 were there; "
+        "blocks of the study still to be computed by other shards: 1; then" in first.stderr
+    )
+    second = rkfbench("run", small, "--shard", "2/2", "--out", "r")
+    assert "all blocks of the study are there: the same command without --shard makes the tables" in second.stderr
+    assert not Path("r/summary.csv").exists()
+    assert "nothing to compute" in rkfbench("run", small, "--out", "r").stderr
+    rkfbench("run", small, "--out", "whole")
+    assert tables(Path("r")) == tables(Path("whole"))
+
+
+def test_a_study_that_stops_where_it_is_precise_says_so_wherever_claims_are_judged(claiming: Path) -> None:
+    result = rkfbench("run", claiming, "--precision", "err_norm=0.5", "--max-runs", "4")
+    assert result.exit_code == 0
+    folder = Path("results/small~max-runs=4,precision=err_norm=0.5")
+    remark = "stopped at 4 runs: precision err_norm=0.5 reached"
+    assert f"small: {remark}" in result.stderr
+    assert [remark in line["reason"] for line in Results.open(folder).claims] == [True]
+    assert remark in (folder / "claims.md").read_text()
+    assert json.loads((folder / "manifest.json").read_text())["precision"]["reached"] is True
+    assert rkfbench("verify", folder).exit_code == 0
+    rkfbench("report", folder)
+    for page in ("report.md", "report.html"):
+        assert f"the number of runs was not fixed beforehand ({remark}" in (folder / page).read_text()
+    rkfbench("run", claiming)
+    rkfbench("report", "results/small")
+    assert "fixed beforehand" not in Path("results/small/report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--precision", "0.1", "--runs", "3"], "leave out --runs"),
+        (["--max-runs", "3"], "the limit of --precision"),
+        (["--precision", "0.1"], "one of err_norm, pooled_rmse"),
+        (["--precision", "err_norm=0"], "positive number"),
+        (["--shard", "1/2", "--precision", "0.1"], "cannot go with --precision"),
+        (["--shard", "1/2", "--fresh"], "blocks of other shards"),
+        (["--shard", "3/2"], "i from 1 to n"),
+    ],
+)
+def test_options_that_make_no_sense_together_are_refused(small: Path, options: list[str], message: str) -> None:
+    result = rkfbench("run", small, *options)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
+    assert not Path("results").exists()
+
+
 def test_run_as_json(small: Path) -> None:
     (outcome,) = json.loads(rkfbench("run", small, "--json", "-q").stdout)
     assert (outcome["folder"], outcome["computed"], outcome["failures"]) == ("results/small", 2, [])

@@ -269,7 +269,7 @@ def _shards(
                 outcome = shard_of_experiment(scenario, folder, shard, full=full, engine=how, report=listen)
             done = f"{scenario.name}: shard {shard}: {outcome.computed} blocks computed, {outcome.reused} were there"
             left = (
-                f"{outcome.open} blocks of the study are still to be computed by other shards; then"
+                f"blocks of the study still to be computed by other shards: {outcome.open}; then"
                 if outcome.open
                 else "all blocks of the study are there:"
             )
@@ -293,6 +293,8 @@ def _as_data(outcome: Any) -> dict[str, Any]:
         "computed": outcome.computed,
         "reused": outcome.reused,
         "changed": outcome.changed,
+        "runs": outcome.runs,
+        "open": outcome.open,
         "seconds": outcome.seconds,
         "failures": [str(failure) for failure in outcome.failures],
     }

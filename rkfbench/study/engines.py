@@ -18,7 +18,7 @@ Engine = Callable[[Sequence[Job]], Iterator[Done]]
 
 
 def engine(jobs: int | None, pool: Pool, scheduler: str | None = None) -> Engine:
-    """The engine for `--jobs N` (1: serial, None: decides by measuring) with its pool, and for `--scheduler ADDRESS`."""
+    """The engine for `--jobs N` with its pool (1: serial, None: measuring decides), or for `--scheduler ADDRESS`."""
     if scheduler is not None:
         from rkfbench.study.cluster import local, remote
 
