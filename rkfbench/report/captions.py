@@ -20,7 +20,7 @@ def caption(figure: Drawn, points: Sequence[Point], words: Words = PLAIN) -> str
     metrics = ", ".join(distinct(words.metric(each) for each in distinct(point.metric for point in ours)))
     parts = [figure.title, figure.caption, _what(figure, metrics, _runs(ours), points, words)]
     parts.append(_cases(cases) if cases else "")
-    parts.append(f"Reading {', '.join(reading)}" if any(reading) else "")
+    parts.append(f"Reading {', '.join(reading)}" if any(each not in ("", "default") for each in reading) else "")
     parts.append(casualties(ours, words))
     return " ".join(f"{part.rstrip('. ')}." for part in parts if part.strip())
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from rkfbench.report.captions import casualties
 from rkfbench.report.material import Material, distinct, is_time, printed_numbers, text
-from rkfbench.report.numbers import SUPERSCRIPT, Written, as_printed, written
+from rkfbench.report.numbers import SUPERSCRIPT, Written, as_printed, fixed, written
 from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario.display import Table
 from rkfbench.store import files
@@ -163,8 +163,8 @@ def layouts(table: Table, found: Sequence[Entry], decimals: int | None = None, w
 
 def _against(cells: Sequence[Entry | None]) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """The lines under the printed numbers: ratio and z; range of the batches."""
-    ratios = ["" if cell is None or cell.ratio is None else f"{cell.ratio:.3g}" for cell in cells]
-    zs = ["" if cell is None or cell.z is None else f"{cell.z:+.1f}".replace("-", "−") for cell in cells]
+    ratios = ["" if cell is None or cell.ratio is None else f"{cell.ratio:#.3g}" for cell in cells]
+    zs = ["" if cell is None or cell.z is None else _signed(cell.z) for cell in cells]
     ranges = ["" if cell is None else _range(cell) for cell in cells]
     counts = distinct(f"{cell.batches} × {cell.batch_runs}" for cell in cells if cell and cell.batches)
     lines = {
@@ -172,6 +172,10 @@ def _against(cells: Sequence[Entry | None]) -> tuple[tuple[str, tuple[str, ...]]
         f"range of {' or '.join(counts)} runs": tuple(ranges),
     }
     return tuple((heading, line) for heading, line in lines.items() if any(line))
+
+
+def _signed(z: float) -> str:
+    return ("+" if round(z, 1) > 0 else "") + fixed(z, 1)
 
 
 def _range(cell: Entry) -> str:

@@ -19,7 +19,7 @@ METRICS = {
     "settling": "steps until the error settles", "tracking_mse": "MSE of tracking runs",
     "mse_prior": "MSE of the prior",
     "influence": "x⁺ − x⁻", "improvement": "improvement (%)",
-    "time_ms": "time of one run", "time_ns": "time of a run and step in a batch",
+    "time_ms": "time of one run (ms)", "time_ns": "time of a run and step in a batch (ns)",
 }  # fmt: skip
 _METRIC = re.compile(r"(?P<base>\w+)(?:\((?P<params>[^()]*)\))?(?:\[(?P<states>[^\[\]]*)\])?(?:@(?P<step>.*))?")
 

@@ -13,6 +13,7 @@ from rkfbench.report import figures, style
 from rkfbench.report.captions import caption
 from rkfbench.report.material import Material
 from rkfbench.report.points import Lines, Point, points
+from rkfbench.report.words import Words
 from rkfbench.scenario.display import Figure
 from tests.report import fakes
 
@@ -127,3 +128,21 @@ def test_the_caption_says_what_over_how_many_runs_and_where(material: Material) 
         "Error norm (82). Mean of error norm over 60 runs at each step; band: ± 2 standard errors. "
         f"Case rate = 0.4. Reading root. Runs failed (left out of means) or lost: KF {lost} lost."
     )
+
+
+def test_names_that_the_scenario_gives_are_read_everywhere(material: Material) -> None:
+    words = Words({"rate": "share of outliers", "kf": "my KF", "err_norm": "error"})
+    figure = declared(kind="curve", metric="err_norm@k", cases=["rate=0.4"], filters=["kf", "hkf"])
+    found = points(figure, material, "root")
+    text = caption(figure, found, words).replace("\u00a0", " ")
+    assert "Mean of error over 60 runs" in text
+    assert "Case share of outliers = 0.4." in text
+    sheet = figures.draw(figure, found, style.looks(["kf", "hkf"]), words=words)
+    assert [each.get_text() for each in sheet.legends[0].get_texts()] == ["my KF", "HKF"]
+    assert sheet.axes[0].get_ylabel() == "error"
+
+
+def test_a_name_that_says_it_is_a_case_needs_no_word_before_it(material: Material) -> None:
+    figure = declared(kind="curve", metric="err_norm@k", cases=["rate=0.2", "rate=0.4"], filters=["kf"])
+    words = Words({"rate=0.2": "case 2", "rate=0.4": "case 4"})
+    assert "Case 2; case 4." in caption(figure, points(figure, material, "root"), words).replace("\u00a0", " ")

@@ -85,6 +85,18 @@ def test_rows_and_columns_may_be_any_of_case_filter_and_metric(material: Materia
     assert [line.heading for line in found.lines] == ["clairvoyant KF", "KF", "HKF", "ALADKF"]
 
 
+def test_results_beside_the_readings_of_the_scenario_are_shown_where_they_are_asked_for(material: Material) -> None:
+    switched = Material(material.results, readings=("literal",))  # so that `root` is like a switch
+
+    def readings(**asked: list[str]) -> list[str]:
+        table = Table(id="t", metric="err_norm", **asked)
+        return [each.reading for each in tables.layouts(table, tables.entries(table, switched))]
+
+    assert readings() == ["literal"]
+    assert readings(readings=["literal", "root"]) == ["literal", "root"]
+    assert switched.own_readings == ["literal"]
+
+
 def test_what_has_several_values_and_no_place_becomes_rows(material: Material) -> None:
     table = Table(id="t", metric=["err_norm", "cond_S"], statistic=["mean", "sd"], cases=["rate=0.4"])
     headings = [line.heading for line in sheet(table, material).lines]
