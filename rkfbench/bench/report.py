@@ -53,6 +53,7 @@ implementations filter the same data, and their means were compared with ours be
 (dynamax, which adds 1e-9 to the diagonal of S, to 1e-5), particle filters in distribution. Loops in Python (FilterPy,
 pykalman, Stone Soup, NumPy) are timed on a few runs (`timed_runs` of the CSV) and scaled. Compiling is not counted;
 JAX's is in the last column."""
+SHOWN = (1000, 10000)  # numbers of runs in the summary
 COLUMNS = (
     "filter", "runs", "peer", "timed_runs", "steps", "rounds", "cpu_ns", "cpu_ns_median", "cpu_ns_q75", "wall_ns",
     "wall_ns_median", "ratio", "ratio_q25", "ratio_q75", "compile_s", "deviation",
@@ -97,9 +98,27 @@ def markdown(rows: Sequence[Mapping[str, Any]], absent: Mapping[str, str], load:
             [f"- {name}: {fact}" for name, fact in facts.items()] + [f"- no {n}: {why}" for n, why in absent.items()]
         ),
     ]
+    if {row["runs"] for row in rows} >= {*SHOWN}:
+        parts += [f"## Multiples of our cost at M = {' / '.join(map(str, SHOWN))}", summary(rows)]
     for name in dict.fromkeys(row["filter"] for row in rows):
         parts += [f"## {TITLES[name]}", _table([row for row in rows if row["filter"] == name])]
     return "\n\n".join(parts) + "\n"
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> str:
+    """One table for all filters: our cost, and the others' as multiples of it, at the numbers of runs in SHOWN."""
+    shown = {(row["filter"], row["peer"], row["runs"]): row for row in rows if row["runs"] in SHOWN}
+    present = [peer for peer in LOOKS if peer != OURS and any(key[1] == peer for key in shown)]
+    lines = [["", "rkfbench, ns", *present]]
+    lines.append(["---", *("---:" for _ in lines[0][1:])])
+    for name in dict.fromkeys(row["filter"] for row in rows):
+        cells = [TITLES[name]]
+        for peer in (OURS, *present):
+            own = [shown.get((name, peer, size)) for size in SHOWN]
+            what = "cpu_ns" if peer == OURS else "ratio"
+            cells.append(" / ".join(_short(row[what]) for row in own if row))
+        lines.append(cells)
+    return _lines(lines)
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -110,6 +129,10 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
         longest = max(row["compile_s"] for row in own.values())
         lines.append([peer, *(cell(own[size]) for size in sizes), f"{longest:.1f}" if longest else ""])
     lines.insert(1, ["---", *("---:" for _ in lines[0][1:])])
+    return _lines(lines)
+
+
+def _lines(lines: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 

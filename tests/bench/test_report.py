@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,20 @@ def test_ratios_are_of_minima_and_their_range_round_by_round():
     assert other["ratio"] == pytest.approx(0.4)
     assert (other["ratio_q25"], other["ratio_q75"]) == pytest.approx((0.175, 0.375))
     assert report.cell(other) == "4 (0.4; 0.17–0.38)"
+
+
+def test_the_summary_shows_our_cost_and_the_multiples_of_it():
+    costs = [
+        replace(cost(peer, [ns]), runs=runs) for runs in report.SHOWN for peer, ns in (("rkfbench", 8.0), ("C", 2.0))
+    ]
+    rows = list(report.records(costs))
+    assert report.summary(rows).splitlines() == [
+        "|  | rkfbench, ns | C |",
+        "| --- | ---: | ---: |",
+        "| KF, one covariance for all runs | 8 / 8 | 0.25 / 0.25 |",
+    ]
+    assert "## Multiples" in report.markdown(rows, {}, [0, 0])
+    assert "## Multiples" not in report.markdown(rows[:2], {}, [0, 0])
 
 
 def test_every_filter_has_a_title_and_every_peer_a_look():
