@@ -19,18 +19,20 @@ from rkfbench.filters import Filter, Known, Setting
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric
 from rkfbench.models import Model
+from rkfbench.models.timed import Timed
 from rkfbench.models.truths import Truth
 from rkfbench.noise import Law, Sample
 from rkfbench.noise.disturbances import Disturbance
 from rkfbench.noise.matrices import factor
 from rkfbench.parts import Lost, Told, collect, under
-from rkfbench.streams import Streams
+from rkfbench.recording import Recording
+from rkfbench.streams import GROUP, Streams
 
 
 @dataclass(frozen=True)
 class World:
     """What happened in the runs of a block: true states x (T, n, M), measurements y (T, m, M), the noise behind them,
-    and the filters' start x0 (n, M).
+    and the filters' start x0 (n, M). Of recorded data nobody knows the noise, and the truth may be NaN.
     """
 
     x: Array
@@ -52,7 +54,7 @@ class Experiment:
     model: Model
     process: Law
     measurement: Law
-    start: tuple[Array, Array | None]  # true initial state: its mean, and a factor of its covariance if it is drawn
+    start: tuple[Array, Array | None] | None  # true initial state: its mean, and a factor of its covariance if drawn
     told: Told
     mean_drawn: bool
     filters: Mapping[str, tuple[Filter, Told]]
@@ -63,6 +65,7 @@ class Experiment:
     disturbances: tuple[Disturbance, ...] = ()
     point: tuple[int, int] | None = None  # the step j and the lag of point smoothers
     score: str = "rmse"  # the metric by which runs are judged
+    recording: Recording | None = None  # what stands in place of a simulation
 
     @property
     def Q(self) -> Array:
@@ -78,17 +81,22 @@ class Experiment:
         faults: list[SpecError] = []
         model, assumed_model = parts.models_of(spec)
         n, m = len(model.states), len(model.measurements)
-        made: dict[str, Any] = {}
+        recording = parts.recording_of(spec, model)
+        intervals = parts.intervals_of(spec, model, recording)
+        if intervals is not None:
+            assumed_model = Timed(assumed_model, intervals)
+        lacking = parts.lacking(recording, intervals is not None)
+        made: dict[str, Any] = {"recording": recording}
         for name, make in {
             "process": lambda: parts.law(spec, "process_noise", n),
             "measurement": lambda: parts.law(spec, "measurement_noise", m),
-            "start": lambda: parts.start(spec["start"], n),
+            "start": lambda: parts.start(spec["start"], n) if recording is None else None,
             "script": lambda: parts.script_of(spec.get("truth", "model"), model),
             "disturbances": lambda: tuple(
                 parts.disturbance(i, each, model, spec["steps"])
                 for i, each in enumerate(spec.get("disturbances") or ())
             ),
-            "lost": lambda: parts.lost_of(spec.get("lost"), model, spec["steps"]),
+            "lost": lambda: parts.lost_of(spec.get("lost"), model, spec["steps"], lacking),
             "point": lambda: parts.point_of(spec.get("point"), spec["steps"]),
             "score": lambda: parts.score_of(spec.get("score") or "rmse", model, spec),
             "metrics": lambda: tuple(parts.metric(i, text, model, spec) for i, text in enumerate(spec["metrics"])),
@@ -98,17 +106,20 @@ class Experiment:
         if "process" in made and "measurement" in made:
             laws = made["process"], made["measurement"]
             with collect(faults):
-                made["told"] = parts.told(spec["assumed"], laws, n, m)
+                made["told"] = parts.paced(parts.told(spec["assumed"], laws, n, m), model, intervals)
             made["filters"] = {}
             for i, each in enumerate(spec["filters"]):
                 with collect(faults), under("filters", i):
-                    built = parts.filter_of(each, model, Setting(spec["steps"], *laws, made.get("point")))
+                    setting = Setting(spec["steps"], *laws, made.get("point"))
+                    built = parts.filter_of(each, assumed_model, setting, lacking)
                     told = (
-                        parts.told_apart(each["assumed"], spec["assumed"], laws, n, m)
+                        parts.paced(parts.told_apart(each["assumed"], spec["assumed"], laws, n, m), model, intervals)
                         if each.get("assumed")
                         else made.get("told")
                     )
                     made["filters"][each["label"]] = built, told
+        with collect(faults):
+            parts.check_needs(made.get("metrics", ()), lacking)
         if not faults:
             with collect(faults):
                 parts.check_partners(made["metrics"], made["filters"])
@@ -123,14 +134,20 @@ class Experiment:
         )
 
     def simulate(self, streams: Streams) -> World:
-        """Truth and measurements of the runs of the streams: x_k = f(x_{k-1}) + w_k, y_k = h(x_k) + v_k, k = 1..T."""
+        """Truth and measurements of the runs of the streams: x_k = f(x_{k-1}) + w_k, y_k = h(x_k) + v_k, k = 1..T; or
+        the recorded ones.
+        """
+        x0 = np.repeat(self.told.mean[:, None], streams.runs, axis=1)
+        if self.mean_drawn:
+            x0 = x0 + factor(self.told.P0) @ streams.normal("estimate", len(x0))
+        if self.recording is not None:
+            x, y = self.recording.block(streams.first * GROUP, streams.runs)
+            return World(x, y, x0, unknown(x), unknown(y))
+        assert self.start is not None
         mean, L = self.start
         x = np.repeat(mean[:, None], streams.runs, axis=1)
         if L is not None:
             x = x + L @ streams.normal("start", len(mean))
-        x0 = np.repeat(self.told.mean[:, None], streams.runs, axis=1)
-        if self.mean_drawn:
-            x0 = x0 + factor(self.told.P0) @ streams.normal("estimate", len(mean))
         w = self._noise("process", self.process, streams, self.model.states)
         v = self._noise("measurement", self.measurement, streams, self.model.measurements)
         script = None if self.script is None else self.script.states(self.steps)
@@ -148,3 +165,12 @@ class Experiment:
         for i, each in enumerate(each for each in self.disturbances if each.channel == channel):
             sample = sample + each.sample(streams.within(f"disturbance/{channel}/{i}"), self.steps, names)
         return sample
+
+
+def unknown(like: Array) -> Sample:
+    """Noise of which nothing is known: of recorded data."""
+
+    def cov() -> Array:
+        raise SpecError("recorded data has no record of its noise")
+
+    return Sample(np.full(like.shape, np.nan), cov)

@@ -18,6 +18,7 @@ from rkfbench.filters.base import Estimate, Posterior
 from rkfbench.linalg import Array, batched, positive_definite
 from rkfbench.models import Model, Observed
 
+STATED = frozenset({"mean", "cov", "prior_mean", "prior_cov"})  # of every step, with a measurement or without
 ROUNDING = 1e-9  # of the trace: far more than an update loses
 SEES = frozenset({"cov", "prior_mean", "prior_cov", "nu", "S"})  # what every recursive filter can keep
 
@@ -58,7 +59,8 @@ def collect(steps: Iterable[Step], keep: Collection[str]) -> Estimate:
     history = History(keep)
     with np.errstate(all="ignore"):
         for each in steps:
-            history.add(prior_mean=each.prior_x, prior_cov=each.prior_P, mean=each.x, cov=each.P, **each.seen)
+            history.add(prior_mean=each.prior_x, prior_cov=each.prior_P, mean=each.x, cov=each.P)
+            history.add_seen(each.seen)
     return history.estimate(failed=np.isnan(each.x).any(0), width=each.x.shape[1])
 
 
@@ -121,28 +123,37 @@ class History:
     """Collects the arrays of each step that are worth keeping."""
 
     def __init__(self, keep: Iterable[str]) -> None:
-        self.steps: dict[str, list[Array]] = {name: [] for name in ("mean", *keep)}
+        self.steps: dict[str, list[Array | None]] = {name: [] for name in ("mean", *keep)}
 
     def add(self, **arrays: Array) -> None:
         for name in arrays.keys() & self.steps.keys():
             self.steps[name].append(arrays[name])
 
+    def add_seen(self, seen: Mapping[str, Array]) -> None:
+        """What was seen in an update; where no run had a measurement there was none, and nothing is seen."""
+        self.add(**seen)
+        for name in self.steps.keys() - seen.keys() - STATED:
+            self.steps[name].append(None)
+
     def estimate(self, failed: Any, width: int) -> Estimate:
-        arrays = {name: _stack(steps, width) for name, steps in self.steps.items() if steps}
+        arrays = {
+            name: _stack(steps, width) for name, steps in self.steps.items() if any(step is not None for step in steps)
+        }
         missing = self.steps.keys() - arrays.keys()
         if missing:
             raise SpecError(f"this filter has no history of {', '.join(sorted(missing))}")
         return Estimate(arrays.pop("mean"), arrays.pop("cov", None), failed, arrays)
 
 
-def _stack(steps: list[Array], width: int) -> Array:
-    """All steps in one array; where the run axis is shared at some steps only, it is written out."""
-    shapes = {step.shape for step in steps}
-    if len(shapes) == 1:
-        return np.stack(steps)
-    stacked = np.empty((len(steps), *steps[0].shape[:-1], width))
+def _stack(steps: list[Array | None], width: int) -> Array:
+    """All steps in one array; where the run axis is shared at some steps only, it is written out; NaN for None."""
+    there = [step for step in steps if step is not None]
+    if len(there) == len(steps) and len({step.shape for step in there}) == 1:
+        return np.stack(there)
+    stacked = np.full((len(steps), *there[0].shape[:-1], width), np.nan)
     for k, step in enumerate(steps):
-        stacked[k] = step
+        if step is not None:
+            stacked[k] = step
     return stacked
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rkfbench.filters.base import Estimate
 from rkfbench.linalg import Array, batched, cond
-from rkfbench.metrics.base import Each, Trial, outliers
+from rkfbench.metrics.base import RECORD, Each, Trial, outliers
 
 Which = Literal["all", "outlier", "clean", "worse"]
 
@@ -74,6 +74,10 @@ class Premise(Each):
     which: Which = "all"
     than: str = "kf"
     keep: ClassVar[frozenset[str]] = frozenset({"S", "inflation"})
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return RECORD if self.which in ("outlier", "clean") else frozenset()
 
     @property
     def partners(self) -> Mapping[str, frozenset[str]]:  # type: ignore[override]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rkfbench.errors import UsageError
 from rkfbench.store.manifest import TUNING
 from rkfbench.study.engines import Engine
 from rkfbench.study.events import Report
@@ -33,7 +34,9 @@ class Choice:
 def update(
     scenario: Scenario, choices: Collection[Choice], folder: Path, *, fresh: bool, engine: Engine, report: Report
 ) -> Outcome:
-    """Bring the tuning runs below `folder` up to date."""
+    """Bring the tuning runs below `folder` up to date; UsageError for recorded data, which has no other runs."""
+    if any(cell.spec.get("data") for cell in scenario.cells):
+        raise UsageError(f"{scenario.name}: a best filter is chosen on tuning runs, and recorded data has none")
     labels = {label for choice in choices for label in choice.candidates}
     metrics = sorted({choice.metric for choice in choices})
 
