@@ -18,7 +18,7 @@ from rkfbench.filters import Filter, Setting
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric
 from rkfbench.models import Model, truths
-from rkfbench.models.timed import Timed, has_dt
+from rkfbench.models.timed import has_dt
 from rkfbench.models.truths import Truth
 from rkfbench.noise import Law, disturbances
 from rkfbench.noise.disturbances import Disturbance

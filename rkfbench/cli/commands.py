@@ -8,8 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from rkfbench.cli import claims, look
+from rkfbench.cli import claims, exchange, inspect, look
 from rkfbench.cli.common import command
+from rkfbench.cli.options import Fresh, Full, Jobs, Out, Runs, Seed, Sets, Sweeps
 from rkfbench.cli.terminal import Terminal
 
 app = typer.Typer(
@@ -21,16 +22,6 @@ app = typer.Typer(
 )
 
 Scenarios = Annotated[list[str], typer.Argument(help="Scenario files, or names of bundled scenarios.")]
-Sets = Annotated[list[str], typer.Option("--set", metavar="PATH=VALUE", help="Override an entry of the scenario.")]
-Sweeps = Annotated[
-    list[str], typer.Option("--sweep", metavar="PATH=A:B:N", help="Add a sweep: first:last:count, or a,b,c.")
-]
-Runs = Annotated[int | None, typer.Option("--runs", min=1, help="Monte Carlo runs.")]
-Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all random streams.")]
-Full = Annotated[bool, typer.Option("--full", help="Also extras and the sensitivity study.")]
-Fresh = Annotated[bool, typer.Option("--fresh", help="Compute everything anew.")]
-Jobs = Annotated[int | None, typer.Option("--jobs", min=1, help="Processes (default: all cores when it pays).")]
-Out = Annotated[Path | None, typer.Option("--out", help="Folder for the results (default: results/SCENARIO).")]
 
 
 @app.callback(invoke_without_command=True)
@@ -67,12 +58,22 @@ def run(
 
     numbers = {"runs": runs, "seed": seed}
     overrides = [*sets, *sweeps, *(f"{name}={value}" for name, value in numbers.items() if value is not None)]
-    outcomes = []
+    studies = []
     for scenario in [load(each, sets=sets, sweeps=sweeps, runs=runs, seed=seed) for each in scenarios]:
         folder = folder_of(scenario, overrides)
         if out is not None:
             folder = out if len(scenarios) == 1 else out / scenario.name
-        outcomes.append(_experiment(terminal, scenario, folder, full=full, fresh=fresh, jobs=jobs))
+        studies.append((scenario, folder))
+    run_all(terminal, studies, full=full, fresh=fresh, jobs=jobs)
+
+
+def run_all(
+    terminal: Terminal, studies: list[tuple[Any, Path]], *, full: bool, fresh: bool, jobs: int | None
+) -> None:
+    """Run scenarios, each into its folder, and show the folders; exit code 1 when a filter raised."""
+    outcomes = [
+        _experiment(terminal, scenario, folder, full=full, fresh=fresh, jobs=jobs) for scenario, folder in studies
+    ]
     if terminal.json:
         terminal.object([_as_data(outcome) for outcome in outcomes])
     else:
@@ -192,3 +193,5 @@ def _as_data(outcome: Any) -> dict[str, Any]:
 
 claims.add_to(app)
 look.add_to(app)
+exchange.add_to(app)
+inspect.add_to(app)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -75,9 +76,9 @@ def table(page: Sheet, place: Mapping[str, str], states: Sequence[str], steps: i
     pairs = [(a, b) for i, a in enumerate(states) for b in states[i:]]
     wanted = [covariance_column(*pair) for pair in pairs]
     given = [name for name in wanted if name in page.columns]
-    faults = page.lacking([*KEYS, *states], "is needed") + (
-        page.lacking(wanted, f"goes with {given[0]}") if given else []
-    )
+    faults = page.lacking([*KEYS, *states], "is needed")
+    if given:
+        faults += page.lacking(wanted, f"goes with {given[0]}")
     if faults:
         raise told(faults)
     rows = page.groups(keys := [key for key in PLACE if key in page.columns])[tuple(place[key] for key in keys)]
@@ -121,6 +122,11 @@ def cells_of(page: Sheet) -> dict[tuple[str, ...], tuple[int, int]]:
         raise told(faults)
     runs = page.texts("run")
     return {key: (rows.start, len(set(runs[rows]))) for key, rows in groups.items()}
+
+
+def runs_of(file: str | Path) -> int:
+    """The runs that a file has of every cell that it is about."""
+    return min(count for _, count in cells_of(sheet.read(file)).values())
 
 
 FILTERS: dict[str, Entry] = {"estimates": Entry(Estimates, needs=frozenset({"file"}))}

@@ -64,7 +64,7 @@ def _mapped(node: Any, change: Callable[[str], str], inside: str = "") -> Any:
     if isinstance(node, Mapping):
         new: Any = node.copy()  # type: ignore[attr-defined]
         for key, value in node.items():
-            if inside == "data" and key in FILES or (key == "file" and node.get("use") == ESTIMATES):
+            if (inside == "data" and key in FILES) or (key == "file" and node.get("use") == ESTIMATES):
                 new[key] = change(value) if isinstance(value, str) else value
             else:  # the values of a sweep or override of data.truth are paths themselves
                 new[key] = _mapped(value, change, inside if inside.startswith("data.") else key)

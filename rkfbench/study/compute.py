@@ -49,7 +49,7 @@ def compute(spec: Mapping[str, Any], seed: int, block: int, runs: int, labels: S
     streams = Streams(seed, first // GROUP, -(-(last - first) // GROUP))
     world = experiment.simulate(streams)
     partners = _partners(experiment, labels)
-    held = {label: _estimate(experiment, world, streams, label, keep) for label, keep in partners.items()}
+    held = {label: estimate_of(experiment, world, streams, label, keep) for label, keep in partners.items()}
     hosts = _hosts(experiment, [label for label in labels if label not in held])
     passed: dict[str, Estimate | None] = {}
     results = {}
@@ -57,7 +57,7 @@ def compute(spec: Mapping[str, Any], seed: int, block: int, runs: int, labels: S
         wanted = _wanted(experiment, label)
         keep = _keep(wanted) | (frozenset({"passed"}) if label in hosts.values() else frozenset())
         estimate = (
-            held.get(label) or passed.get(hosts.get(label, "")) or _estimate(experiment, world, streams, label, keep)
+            held.get(label) or passed.get(hosts.get(label, "")) or estimate_of(experiment, world, streams, label, keep)
         )
         passed[label] = estimate.passed
         results[label] = _reduce(experiment, world, label, estimate, wanted, held, last - first)
@@ -102,7 +102,8 @@ def _partners(experiment: Experiment, labels: Sequence[str]) -> dict[str, frozen
     return needed
 
 
-def _estimate(experiment: Experiment, world: World, streams: Streams, label: str, keep: frozenset[str]) -> Estimate:
+def estimate_of(experiment: Experiment, world: World, streams: Streams, label: str, keep: frozenset[str]) -> Estimate:
+    """The estimate of one filter for all runs of the world, which was drawn from the same streams."""
     filt, told = experiment.filters[label]
     x0 = world.x0 if told.mean is experiment.told.mean or np.array_equal(told.mean, experiment.told.mean) else told.mean
     return filt.run(

@@ -1,0 +1,5 @@
+"""x"""
+import typer
+
+
+def add_to(app: typer.Typer) -> None: ...
