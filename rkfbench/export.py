@@ -55,7 +55,7 @@ def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequ
     """Write the data of some cells of a scenario, and the estimates of its filters `labels`; the files written."""
     written: list[Path] = []
     described = []
-    pages: dict[str, list[Any]] = {label: [] for label in labels}
+    pages: dict[str, list[tuple[Cell, Array, Array | None]]] = {label: [] for label in labels}
     for cell in cells:
         experiment = Experiment.of(cell.spec)
         data = simulated(experiment, scenario.seed, scenario.runs, labels)
@@ -69,7 +69,8 @@ def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequ
         path = folder / f"estimates.{_slug(label)}.csv"
         with_cov = all(cov is not None for _, _, cov in parts)
         columns = estimate_columns(states, with_cov)
-        files.write_csv(path, columns, (row for part in parts for row in _estimate_rows(*part, with_cov)))
+        rows = (row for cell, mean, cov in parts for row in _estimate_rows(cell, mean, cov if with_cov else None))
+        files.write_csv(path, columns, rows)
         written.append(path)
     head = {
         "format": FORMAT,
@@ -95,7 +96,8 @@ def simulated(experiment: Experiment, seed: int, runs: int, labels: Sequence[str
         width = min(size, runs - first)
         streams = Streams(seed, first // GROUP, -(-width // GROUP))
         world = experiment.simulate(streams)
-        found.append((world, {label: estimate_of(experiment, world, streams, label, frozenset({"cov"})) for label in labels}))
+        made = {label: estimate_of(experiment, world, streams, label, frozenset({"cov"})) for label in labels}
+        found.append((world, made))
 
     def joined(parts: Sequence[Array]) -> Array:
         return np.concatenate(parts, axis=-1)[..., :runs]
@@ -115,11 +117,11 @@ def estimate_columns(states: Sequence[str], with_cov: bool) -> list[str]:
     return ["reading", "case", "run", "k", *states, *pairs]
 
 
-def _estimate_rows(cell: Cell, mean: Array, cov: Array | None, with_cov: bool) -> Iterator[list[Any]]:
+def _estimate_rows(cell: Cell, mean: Array, cov: Array | None) -> Iterator[list[Any]]:
     upper = np.triu_indices(mean.shape[1])
     for run in range(mean.shape[2]):
         table = mean[..., run]
-        if with_cov and cov is not None:
+        if cov is not None:
             table = np.hstack([table, cov[..., run][:, upper[0], upper[1]]])
         for k, row in enumerate(table.tolist(), 1):
             yield [cell.reading, cell.case, run, k, *row]

@@ -67,9 +67,7 @@ def run(
     run_all(terminal, studies, full=full, fresh=fresh, jobs=jobs)
 
 
-def run_all(
-    terminal: Terminal, studies: list[tuple[Any, Path]], *, full: bool, fresh: bool, jobs: int | None
-) -> None:
+def run_all(terminal: Terminal, studies: list[tuple[Any, Path]], *, full: bool, fresh: bool, jobs: int | None) -> None:
     """Run scenarios, each into its folder, and show the folders; exit code 1 when a filter raised."""
     outcomes = [
         _experiment(terminal, scenario, folder, full=full, fresh=fresh, jobs=jobs) for scenario, folder in studies

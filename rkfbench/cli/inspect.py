@@ -16,7 +16,7 @@ OneFilter = Annotated[str, typer.Option("--filter", help="A filter of the scenar
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    for each in (tune,):
+    for each in (tune, trace):
         app.command()(each)
 
 
@@ -71,3 +71,48 @@ def tune(
     rows = list(choices(found, label, goal))
     hidden = ("reading", "filter", "metric", "sd", "median", "q05", "q95")
     terminal.records(rows, [name for name in rows[0] if terminal.json or name not in hidden])
+
+
+@command
+def trace(
+    terminal: Terminal,
+    scenario: ScenarioName,
+    label: OneFilter,
+    run: Annotated[int | None, typer.Option("--run", min=0, help="Number of the run, from 0.")] = None,
+    worst: Annotated[bool, typer.Option("--worst", help="The run of the study with the largest error.")] = False,
+    metric: Annotated[
+        str | None, typer.Option("--metric", help="What is largest in the worst run (default: the scenario's score).")
+    ] = None,
+    case: Annotated[str | None, typer.Option("--case", help="The case, where there are several.")] = None,
+    reading: Reading = None,
+    runs: Runs = None,
+    seed: Seed = None,
+    sets: Sets = [],
+    sweeps: Sweeps = [],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the files (default: results/SCENARIO~trace).")
+    ] = None,
+) -> None:
+    """Show one run of one filter from the inside: truth, measurements, estimates, innovations, weights, flags."""
+    from rkfbench import trace as traces
+    from rkfbench.errors import UsageError
+    from rkfbench.report.traced import write
+    from rkfbench.reproduce import RESULTS, folder_of
+    from rkfbench.scenario import load, pick
+
+    if (run is not None) == worst:
+        raise UsageError("which run? give either --run N or --worst")
+    loaded = load(scenario, sets=sets, sweeps=sweeps, runs=runs, seed=seed)
+    cell = pick.one_cell(loaded, case, reading)
+    pick.filter_of(cell, label)
+    if run is None:
+        goal = metric or cell.spec.get("score") or "rmse"
+        numbers = {"runs": runs, "seed": seed}
+        overrides = [*sets, *sweeps, *(f"{name}={value}" for name, value in numbers.items() if value is not None)]
+        run, value = traces.worst(loaded, cell, label, goal, folder_of(loaded, overrides))
+        terminal.note(f"run {run} of {loaded.runs}: {goal} = {value:.6g}")
+    found = traces.trace(cell, loaded.seed, run, label)
+    for path in write(out or RESULTS / f"{loaded.name}~trace", found):
+        (terminal.note if terminal.json else terminal.data)(str(path))
+    if terminal.json:
+        terminal.object([dict(zip(found.columns, row, strict=True)) for row in found.rows()])

@@ -5,7 +5,8 @@
 
 All settings see the same tuning runs (common random numbers), so the mean is a smooth function of a parameter and an
 optimiser can follow it: a grid first, then in the gap around its best point Brent's bounded method for one parameter,
-the Nelder-Mead simplex within bounds for several. A setting with fewer failed runs is the better one, whatever its mean.
+the Nelder-Mead simplex within bounds for several. A setting with fewer failed runs is the better one, whatever its
+mean.
 """
 
 from __future__ import annotations
@@ -225,15 +226,15 @@ class Bench:
         ]
 
 
-def check(metric: str, cell: Cell) -> None:
-    """UsageError unless the metric is one number a run of one filter, and the cell is simulated."""
+def check(metric: str, cell: Cell, tuning: bool = True) -> None:
+    """UsageError unless the metric is one number a run of one filter, and there are runs to tune on."""
     try:
         found = metrics.get(metric)
     except SpecError as error:
         raise UsageError(f"--metric: {error}") from None
     if found.curve or found.quantity.partners:
         raise UsageError(f"--metric: '{metric}' is not one number a run of the filter alone")
-    if cell.spec.get("data"):
+    if tuning and cell.spec.get("data"):
         raise UsageError("tune needs runs of their own to choose on, and recorded data has none: tune on a simulation")
 
 
@@ -247,7 +248,8 @@ def tune(
     """
     check(metric, cell)
     tuning = Bench(cell.spec, spec, metric, seed + SEED_STEP, runs)
-    grid = [dict(zip([each.path for each in axes], values, strict=True)) for values in product(*(a.values for a in axes))]
+    paths = [each.path for each in axes]
+    grid = [dict(zip(paths, values, strict=True)) for values in product(*(each.values for each in axes))]
     if len(grid) > MOST_SETTINGS:
         raise UsageError(f"{len(grid)} settings, more than {MOST_SETTINGS}: fewer --points, please")
     best = _best(tuning, grid)
@@ -293,7 +295,12 @@ def _searched(bench: Bench, best: Setting, free: Sequence[Axis]) -> list[Setting
         minimize_scalar(objective, bounds=(low, high), method="bounded", options=options)
     else:
         start = [each.scaled(best[each.path]) for each in free]
-        options = {"maxfev": MOST_STEPS[2], "xatol": TOLERANCE, "fatol": 0.0, "initial_simplex": _simplex(start, bounds)}
+        options = {
+            "maxfev": MOST_STEPS[2],
+            "xatol": TOLERANCE,
+            "fatol": 0.0,
+            "initial_simplex": _simplex(start, bounds),
+        }
         minimize(objective, start, method="Nelder-Mead", bounds=bounds, options=options)
     return tried
 
