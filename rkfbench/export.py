@@ -2,7 +2,7 @@
 
     export.json                    the cases, their files, the model, x0, P0, Q, R, and F and H where they are constant
     <case>.measurements.csv        run, k, the measurements      (an empty cell: missing)
-    <case>.truth.csv               run, k, the states
+    <case>.truth.csv               run, k, the states            (<reading>.<case> but for the first reading)
     <case>.mat                     the same for MATLAB and Octave: y (T, m, M), x (T, n, M), x0, P0, Q, R, F, H, Bu
     estimates.<label>.csv          of our filters that were asked for: what `rkfbench score` reads
 
@@ -59,7 +59,10 @@ def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequ
     for cell in cells:
         experiment = Experiment.of(cell.spec)
         data = simulated(experiment, scenario.seed, scenario.runs, labels)
-        names = _write(cell, experiment, data, folder)
+        stem = _slug(cell.case or "data")
+        if cell.reading != scenario.cells[0].reading:
+            stem = f"{_slug(cell.reading)}.{stem}"
+        names = _write(stem, experiment, data, folder)
         described.append({"case": cell.case, "reading": cell.reading, "files": names, **_told(cell, experiment, data)})
         written += (folder / name for name in names.values())
         for label, (mean, cov) in data.estimates.items():
@@ -127,13 +130,10 @@ def _estimate_rows(cell: Cell, mean: Array, cov: Array | None) -> Iterator[list[
             yield [cell.reading, cell.case, run, k, *row]
 
 
-def _write(cell: Cell, experiment: Experiment, data: Data, folder: Path) -> dict[str, str]:
-    """The files of one cell; their names."""
+def _write(stem: str, experiment: Experiment, data: Data, folder: Path) -> dict[str, str]:
+    """The files of one cell, whose names begin with `stem`; their names."""
     from scipy.io import savemat
 
-    stem = _slug(cell.case or "data")
-    if cell.reading != "default":
-        stem = f"{_slug(cell.reading)}.{stem}"
     model = experiment.model
     names = {"measurements": f"{stem}.measurements.csv", "truth": f"{stem}.truth.csv", "mat": f"{stem}.mat"}
     files.write_csv(folder / names["measurements"], ["run", "k", *model.measurements], _rows(data.y))

@@ -39,8 +39,9 @@ class Sheet:
 
     def lacking(self, names: Sequence[str], what: str) -> list[Problem]:
         """The columns `names` that are not there; `what` says whose they are."""
+        there = f" (there are {', '.join(self.columns)})"
         return [
-            self.fault(f"no column '{name}', which {what}{did_you_mean(name, self.columns)}")
+            self.fault(f"no column '{name}', which {what}{did_you_mean(name, self.columns) or there}")
             for name in names
             if name not in self.columns
         ]

@@ -14,7 +14,7 @@ METRICS = {
     "err_norm": "error norm", "max_error": "largest error", "mse": "MSE", "rmse": "RMSE", "pooled_rmse": "pooled RMSE",
     "cond_S": "cond(S)", "cond_S_max": "largest cond(S)", "if_norm": "norm of the influence function",
     "lambda_mean": "mean lambda", "share_46": "share of steps with (46)", "lost": "share of lost runs",
-    "failed": "share of failed runs", "nees": "NEES",
+    "failed": "share of failed runs", "nees": "NEES", "nis": "NIS", "nis_beyond": "share of NIS beyond chi-square",
     "time_ms": "time of one run", "time_ns": "time of a run and step in a batch",
 }  # fmt: skip
 NO_BREAK = "\u00a0"
