@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rkfbench import parts
+from rkfbench import parts, recorded
 from rkfbench.errors import SpecError
 from rkfbench.filters import Filter, Known, Setting
 from rkfbench.linalg import Array
@@ -81,22 +81,22 @@ class Experiment:
         faults: list[SpecError] = []
         model, assumed_model = parts.models_of(spec)
         n, m = len(model.states), len(model.measurements)
-        recording = parts.recording_of(spec, model)
-        intervals = parts.intervals_of(spec, model, recording)
+        data = recorded.recording_of(spec, model)
+        intervals = recorded.intervals_of(model, data)
         if intervals is not None:
             assumed_model = Timed(assumed_model, intervals)
-        lacking = parts.lacking(recording, intervals is not None)
-        made: dict[str, Any] = {"recording": recording}
+        lacking = recorded.lacking(data, intervals is not None)
+        made: dict[str, Any] = {"recording": data}
         for name, make in {
-            "process": lambda: parts.law(spec, "process_noise", n),
-            "measurement": lambda: parts.law(spec, "measurement_noise", m),
-            "start": lambda: parts.start(spec["start"], n) if recording is None else None,
+            "process": lambda: recorded.law(spec, "process_noise", n),
+            "measurement": lambda: recorded.law(spec, "measurement_noise", m),
+            "start": lambda: parts.start(spec["start"], n) if data is None else None,
             "script": lambda: parts.script_of(spec.get("truth", "model"), model),
             "disturbances": lambda: tuple(
                 parts.disturbance(i, each, model, spec["steps"])
                 for i, each in enumerate(spec.get("disturbances") or ())
             ),
-            "lost": lambda: parts.lost_of(spec.get("lost"), model, spec["steps"], lacking),
+            "lost": lambda: parts.lost_of(spec.get("lost"), model, spec["steps"]),
             "point": lambda: parts.point_of(spec.get("point"), spec["steps"]),
             "score": lambda: parts.score_of(spec.get("score") or "rmse", model, spec),
             "metrics": lambda: tuple(parts.metric(i, text, model, spec) for i, text in enumerate(spec["metrics"])),
@@ -106,20 +106,21 @@ class Experiment:
         if "process" in made and "measurement" in made:
             laws = made["process"], made["measurement"]
             with collect(faults):
-                made["told"] = parts.paced(parts.told(spec["assumed"], laws, n, m), model, intervals)
+                made["told"] = recorded.paced(parts.told(spec["assumed"], laws, n, m), model, intervals)
             made["filters"] = {}
             for i, each in enumerate(spec["filters"]):
                 with collect(faults), under("filters", i):
-                    setting = Setting(spec["steps"], *laws, made.get("point"))
-                    built = parts.filter_of(each, assumed_model, setting, lacking)
-                    told = (
-                        parts.paced(parts.told_apart(each["assumed"], spec["assumed"], laws, n, m), model, intervals)
-                        if each.get("assumed")
-                        else made.get("told")
-                    )
+                    recorded.check_filter(each, lacking)
+                    built = parts.filter_of(each, assumed_model, Setting(spec["steps"], *laws, made.get("point")))
+                    told = made.get("told")
+                    if each.get("assumed"):
+                        told = parts.told_apart(each["assumed"], spec["assumed"], laws, n, m)
+                        told = recorded.paced(told, model, intervals)
                     made["filters"][each["label"]] = built, told
         with collect(faults):
-            parts.check_needs(made.get("metrics", ()), lacking)
+            recorded.check_metrics(made.get("metrics", ()), lacking)
+        with collect(faults):
+            recorded.check_lost(spec, lacking)
         if not faults:
             with collect(faults):
                 parts.check_partners(made["metrics"], made["filters"])
@@ -142,7 +143,7 @@ class Experiment:
             x0 = x0 + factor(self.told.P0) @ streams.normal("estimate", len(x0))
         if self.recording is not None:
             x, y = self.recording.block(streams.first * GROUP, streams.runs)
-            return World(x, y, x0, unknown(x), unknown(y))
+            return World(x, y, x0, recorded.unknown(x), recorded.unknown(y))
         assert self.start is not None
         mean, L = self.start
         x = np.repeat(mean[:, None], streams.runs, axis=1)
@@ -165,12 +166,3 @@ class Experiment:
         for i, each in enumerate(each for each in self.disturbances if each.channel == channel):
             sample = sample + each.sample(streams.within(f"disturbance/{channel}/{i}"), self.steps, names)
         return sample
-
-
-def unknown(like: Array) -> Sample:
-    """Noise of which nothing is known: of recorded data."""
-
-    def cov() -> Array:
-        raise SpecError("recorded data has no record of its noise")
-
-    return Sample(np.full(like.shape, np.nan), cov)

@@ -5,26 +5,23 @@ Every function raises SpecError with the path of a fault within the whole descri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from rkfbench import filters, metrics, models, noise, recording
+from rkfbench import filters, metrics, models, noise
 from rkfbench.errors import SpecError, did_you_mean
 from rkfbench.filters import Filter, Setting
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric
 from rkfbench.models import Model, truths
-from rkfbench.models.timed import has_dt
 from rkfbench.models.truths import Truth
 from rkfbench.noise import Law, disturbances
 from rkfbench.noise.disturbances import Disturbance
-from rkfbench.noise.gaussian import Gaussian
 from rkfbench.noise.matrices import covariance, factor
-from rkfbench.recording import Recording
 
 NOT_BUILD = ("label", "extra", "timing", "assumed")  # keys of a filter's description that are not its own
 
@@ -104,60 +101,8 @@ def disturbance(i: int, spec: Mapping[str, Any], model: Model, steps: int) -> Di
 
 
 def law(spec: Mapping[str, Any], key: str, dim: int) -> Law:
-    """The law of a noise. Of recorded data it is what filters may assume: without a law, normal with what they are
-    told.
-    """
-    if spec.get("data") is not None and spec.get(key) is None:
-        name = key.replace("noise", "cov")
-        if isinstance(cov := spec["assumed"].get(name, "law"), str):
-            raise SpecError(f"is required with recorded data, where no `{key}` says it", ["assumed", name])
-        with under("assumed", name):
-            return Gaussian.of(covariance(cov, dim))
     with under(key):
         return noise.build(spec.get(key) or {"kind": "gaussian", "cov": 0.0}, dim)
-
-
-def recording_of(spec: Mapping[str, Any], model: Model) -> Recording | None:
-    """The recorded data of an experiment that is not simulated; ScenarioError about the CSV file where it is wrong."""
-    if spec.get("data") is None:
-        return None
-    whole = recording.read(spec["data"], model.measurements, model.states)
-    if spec["steps"] > len(whole.y):
-        raise SpecError(f"the recording has {len(whole.y)} steps", ["steps"])
-    return whole.head(spec["steps"])
-
-
-def intervals_of(spec: Mapping[str, Any], model: Model, recorded: Recording | None) -> Array | None:
-    """dt at each step (T,), where the times of a recording are irregular; the first step is as long as the model says.
-
-    SpecError where the times do not fit the model: that is a wrong unit, or a model that cannot follow them.
-    """
-    if recorded is None or recorded.intervals is None or not recorded.intervals.size:
-        return None
-    steps, dt = recorded.intervals, getattr(model, "dt", None)
-    low, high = float(steps.min()), float(steps.max())
-    with under("data", "time"):
-        if high - low <= recording.JITTER * high:
-            if dt is not None and abs(dt - low) > recording.JITTER * dt:
-                raise SpecError(f"the recorded time advances by {low:g}, but the model's dt is {dt:g}")
-            return None
-        if dt is None or not has_dt(model):
-            raise SpecError(f"the recorded time advances by {low:g} to {high:g}, and this model has no dt to follow it")
-        if (np.ptp(steps, axis=1) > recording.JITTER * high).any():
-            raise SpecError("the runs have different irregular times: give each a scenario of its own")
-        if not low * (1 - recording.JITTER) <= dt <= high * (1 + recording.JITTER):
-            raise SpecError(
-                f"the recorded time advances by {low:g} to {high:g}, but the model's dt, for which Q is told, is {dt:g}"
-            )
-    return np.array([dt, *steps[:, 0]])
-
-
-def paced(told: Told, model: Model, intervals: Array | None) -> Told:
-    """Q is told for a step of the model's dt; a step of another length gets it in proportion, (T, n, n, 1)."""
-    if intervals is None:
-        return told
-    share = intervals / getattr(model, "dt", 1.0)
-    return replace(told, Q=told.Q[None, ..., None] * share[:, None, None, None])
 
 
 def _vector(values: Sequence[float], n: int) -> Array:
@@ -210,32 +155,15 @@ def told_apart(own: Mapping[str, Any], assumed: Mapping[str, Any], laws: tuple[L
     return told({**assumed, **{key: value for key, value in own.items() if value is not None}}, laws, n, m)
 
 
-def filter_of(spec: Mapping[str, Any], model: Model, setting: Setting, lacking: Set[str] = frozenset()) -> Filter:
-    """The filter that a description names; SpecError where it needs what is `lacking`, or cannot run on the model."""
+def filter_of(spec: Mapping[str, Any], model: Model, setting: Setting) -> Filter:
     own = {key: value for key, value in spec.items() if key not in NOT_BUILD}
     built = filters.build(own)
-    for name in _named(own):
-        if missing := filters.FILTERS[name].needs & lacking:
-            raise SpecError(f"'{name}' needs {' and '.join(LACKING[each] for each in sorted(missing))}")
     with under(*(() if "use" in own else own if len(own) == 1 else ())):
         built = filters.placed(built, setting)
         check: Callable[[Model], None] | None = getattr(built, "check", None)
         if check is not None:
             check(model)
     return built
-
-
-def _named(spec: Any) -> Iterator[str]:
-    """The catalogue names in a filter's description, those of filters inside it too."""
-    if isinstance(spec, str) and spec in filters.FILTERS:
-        yield spec
-    elif isinstance(spec, Mapping):
-        for key, value in spec.items():
-            if key in ("use", "filter"):
-                yield from _named(value)
-            elif key in filters.FILTERS and isinstance(value, Mapping):
-                yield key
-                yield from _named(value)
 
 
 def point_of(spec: Mapping[str, Any] | None, steps: int) -> tuple[int, int] | None:
@@ -257,38 +185,6 @@ def score_of(text: str, model: Model, spec: Mapping[str, Any]) -> str:
                 f"'{text}' is not one number a run from the estimates alone, such as rmse or axis_rmse[px,py]"
             )
         return text
-
-
-def lacking(recorded: Recording | None, irregular: bool) -> frozenset[str]:
-    """What nobody knows of recorded data, and so no filter and no metric may need."""
-    if recorded is None:
-        return frozenset()
-    unknown = {"record", "flags"} | ({"truth"} if recorded.x is None else set()) | ({"streams"} if irregular else set())
-    return frozenset(unknown)
-
-
-LACKING = {
-    "truth": "the true states, which the recorded data does not have",
-    "record": "the record of the noise, which recorded data does not have",
-    "flags": "to be told the outliers, which recorded data does not do",
-    "streams": "equal time steps, as it draws all process noise from one law",
-}
-
-
-def check_needs(wanted: Sequence[Metric], lacking: Set[str]) -> None:
-    """SpecError for each metric that needs what is not known, with those that do not."""
-    without = ", ".join(name for name, entry in metrics.METRICS.items() if not entry.needs & lacking)
-    faults = [
-        SpecError(
-            f"'{metric.name}' needs {' and '.join(LACKING[each] for each in sorted(metric.needs & lacking))} "
-            f"(these do not: {without})",
-            ["metrics", i],
-        )
-        for i, metric in enumerate(wanted)
-        if metric.needs & lacking
-    ]
-    if faults:
-        raise SpecError.all(faults)
 
 
 def metric(i: int, text: str, model: Model, spec: Mapping[str, Any]) -> Metric:
@@ -334,12 +230,10 @@ def check_partners(wanted: Sequence[Metric], built: Mapping[str, Any]) -> None:
                 )
 
 
-def lost_of(spec: Mapping[str, Any] | None, model: Model, steps: int, lacking: Set[str] = frozenset()) -> Lost | None:
+def lost_of(spec: Mapping[str, Any] | None, model: Model, steps: int) -> Lost | None:
     if spec is None:
         return None
     with under("lost"):
-        if "truth" in lacking:
-            raise SpecError(f"needs {LACKING['truth']}")
         for i, name in enumerate(spec["states"]):
             if name not in model.states:
                 raise SpecError(f"the model has no state '{name}'{did_you_mean(name, model.states)}", ["states", i])

@@ -6,10 +6,15 @@ Every row is one step of one run. A fault is told with file, line and column, al
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import math
+import sys
+from array import array
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,23 +22,29 @@ from rkfbench.errors import Problem, ScenarioError, UsageError, did_you_mean
 from rkfbench.linalg import Array
 
 MOST_TOLD = 8  # faults of one file
-MISSING = frozenset(("", "nan", "NaN", "NAN", "NA"))
+MISSING = frozenset(("", "NA"))  # and what reads as nan
+KEYS = ("reading", "case", "run")  # columns that say what a row is about: text, even where they look like numbers
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """The cells of a CSV file as text; row i stands in line `lines[i]` of the file."""
+    """A CSV file: for every column its numbers, for the columns in KEYS their text too. Row i stands in line
+    `lines[i]`.
+    """
 
+    path: Path
     file: str
     columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[int, ...]
-    _source: tuple[str, ...] = field(repr=False)
+    lines: array[int]
+    _numbers: Mapping[str, Array] = field(repr=False)  # NaN for what is missing, infinite for no number
+    _texts: Mapping[str, list[str]] = field(repr=False)
+    _wrong: Mapping[str, Mapping[int, str]] = field(repr=False)  # column -> row -> what is no finite number
 
     def fault(self, message: str, row: int | None = None, column: str = "") -> Problem:
         """A fault at a cell; without a row in the header."""
         line = 1 if row is None else self.lines[row]
-        source = self._source[line - 1]
+        with self.path.open(encoding="utf-8-sig", newline=None) as file:
+            source = next(islice(file, line - 1, None), "").rstrip("\n")
         before = source.split(",")[: self.columns.index(column)] if column in self.columns else []
         return Problem(self.file, line, sum(len(cell) + 1 for cell in before) + 1, column, message, source)
 
@@ -47,28 +58,21 @@ class Sheet:
         ]
 
     def texts(self, column: str) -> list[str]:
-        """The cells of a column."""
-        place = self.columns.index(column)
-        return [row[place] for row in self.rows]
+        """The cells of one of the columns in KEYS."""
+        return self._texts[column]
 
     def numbers(self, columns: Sequence[str], faults: list[Problem], rows: slice = slice(None)) -> Array:
         """(rows, columns) as numbers, NaN where a cell is empty or says nan; what is no finite number is a fault."""
-        table = np.full((len(self.rows[rows]), len(columns)), np.nan)
-        for j, name in enumerate(columns):
-            cells = ["nan" if cell in MISSING else cell for cell in self.texts(name)[rows]]
-            try:
-                table[:, j] = cells
-                unsound = np.flatnonzero(np.isinf(table[:, j])).tolist()
-            except ValueError:
-                unsound = [i for i, cell in enumerate(cells) if not _finite(cell)]
-            start = rows.start or 0
-            faults += (self.fault(f"'{cells[i]}' is no finite number", start + i, name) for i in unsound)
-        return table
+        first, last, _ = rows.indices(len(self.lines))
+        for name in columns:
+            wrong = ((i, cell) for i, cell in self._wrong[name].items() if first <= i < last)
+            faults += (self.fault(f"'{cell}' is no finite number", i, name) for i, cell in islice(wrong, MOST_TOLD + 1))
+        return np.column_stack([self._numbers[name][rows] for name in columns])
 
     def groups(self, keys: Sequence[str]) -> dict[tuple[str, ...], slice]:
         """The rows of each combination of the columns `keys`, which stand together; ScenarioError where they do not."""
         columns = [self.texts(key) for key in keys]
-        of_row = list(zip(*columns, strict=True)) if columns else [()] * len(self.rows)
+        of_row: list[tuple[str, ...]] = list(zip(*columns, strict=True)) if columns else [()] * len(self.lines)
         starts = [i for i, key in enumerate(of_row) if i == 0 or key != of_row[i - 1]]
         found: dict[tuple[str, ...], slice] = {}
         for start, stop in zip(starts, [*starts[1:], len(of_row)], strict=True):
@@ -81,8 +85,7 @@ class Sheet:
 
 def told(faults: Sequence[Problem]) -> ScenarioError:
     """The error that tells these faults, the first ones if there are many."""
-    more = len(faults) - MOST_TOLD
-    last = [Problem(faults[0].file, 0, 0, "", f"and {more} more faults")] if more > 0 else []
+    last = [Problem(faults[0].file, 0, 0, "", "and more of the kind")] if len(faults) > MOST_TOLD else []
     return ScenarioError([*faults[:MOST_TOLD], *last])
 
 
@@ -103,56 +106,60 @@ def read(path: str | Path) -> Sheet:
 def _read(path: Path, *stamp: int) -> Sheet:
     shown = _shown(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            return _parsed(path, shown, csv.reader(file))
     except OSError as error:
         raise UsageError(f"{shown}: {(error.strerror or str(error)).lower()}") from None
     except UnicodeDecodeError:
         raise UsageError(f"{shown}: not UTF-8 text") from None
-    source = tuple(text.splitlines())
-    reader = csv.reader(source)
-    columns: tuple[str, ...] = ()
-    rows, lines = [], []
+
+
+def _parsed(path: Path, shown: str, reader: Any) -> Sheet:
+    columns = tuple(cell.strip() for cell in next(reader, ()))
+    page = Sheet(path, shown, columns, array("l"), {}, {}, {})
+    if len(columns) == 1 and ";" in columns[0]:
+        raise told([page.fault("the cells must be separated by commas")])
+    if twice := [name for i, name in enumerate(columns) if name in columns[:i]]:
+        raise told([page.fault(f"two columns are called '{name}'") for name in twice])
+    numbers: dict[str, array[float]] = {name: array("d") for name in columns}
+    texts: dict[str, list[str]] = {name: [] for name in columns if name in KEYS}
+    wrong: dict[str, dict[int, str]] = {name: {} for name in columns}
     faults: list[Problem] = []
     try:
-        for cells in reader:
-            row = tuple(cell.strip() for cell in cells)
-            if not any(row) and len(row) <= 1:
+        for row in filter(None, reader):
+            page.lines.append(reader.line_num)
+            if len(row) != len(columns):
+                message = f"{len(row)} cells, the header has {len(columns)}"
+                faults.append(page.fault(message, len(page.lines) - 1))
+                if len(faults) > MOST_TOLD:
+                    break
                 continue
-            if not columns:
-                columns = row
-            elif len(row) != len(columns):
-                faults.append(_at(shown, source, reader.line_num, f"{len(row)} cells, the header has {len(columns)}"))
-            else:
-                rows.append(row)
-                lines.append(reader.line_num)
+            for name, cell in zip(columns, row, strict=True):
+                value = _number(cell)
+                if math.isinf(value):
+                    wrong[name][len(page.lines) - 1] = cell.strip()
+                numbers[name].append(value)
+                if name in texts:
+                    texts[name].append(sys.intern(cell.strip()))
     except csv.Error as error:
-        faults.append(_at(shown, source, reader.line_num, str(error)))
-    if not rows and not faults:
-        raise UsageError(f"{shown}: has no rows: a header and one row a step are expected")
-    if len(columns) == 1 and ";" in columns[0]:
-        faults = [_at(shown, source, 1, "the cells must be separated by commas")]
-    faults += (_at(shown, source, 1, f"two columns are called '{name}'") for name in _twice(columns))
+        faults.append(Problem(shown, reader.line_num, 1, "", str(error)))
     if faults:
         raise told(faults)
-    return Sheet(shown, columns, tuple(rows), tuple(lines), source)
+    if not page.lines:
+        raise UsageError(f"{shown}: has no rows: a header and one row a step are expected")
+    arrays = {name: np.frombuffer(column) for name, column in numbers.items()}
+    return Sheet(path, shown, columns, page.lines, arrays, texts, wrong)
+
+
+def _number(cell: str) -> float:
+    """The number in a cell: NaN where it is missing, infinity where it is none."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan if cell.strip() in MISSING else math.inf
 
 
 def _shown(path: Path) -> str:
     """The path as messages show it: seen from the current directory when it is inside."""
     full, here = path.absolute(), Path.cwd()
     return full.relative_to(here).as_posix() if full.is_relative_to(here) else str(path)
-
-
-def _at(file: str, source: Sequence[str], line: int, message: str) -> Problem:
-    return Problem(file, line, 1, "", message, source[line - 1] if 0 < line <= len(source) else "")
-
-
-def _twice(names: Sequence[str]) -> list[str]:
-    return [name for i, name in enumerate(names) if name in names[:i]]
-
-
-def _finite(cell: str) -> bool:
-    try:
-        return cell in MISSING or not np.isinf(float(cell))
-    except ValueError:
-        return False

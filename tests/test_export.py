@@ -29,7 +29,10 @@ figures:
 tables:
   - {id: errors, metric: [err_norm, nees, pooled_rmse], filters: [kf, hkf]}
 claims:
-  - {id: mine, says: outliers cost, evidence: ours, ordering: {metric: err_norm, filters: kf, cases: [rate=0.4, rate=0], along: cases}}
+  - id: mine
+    says: outliers cost
+    evidence: ours
+    ordering: {metric: err_norm, filters: kf, cases: [rate=0.4, rate=0], along: cases}
 """
 
 

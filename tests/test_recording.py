@@ -133,7 +133,7 @@ def test_all_faults_of_a_recording_are_told_at_once(drive: Path) -> None:
     csv(drive, "t,px,py", "0.5,one,2", "0.4,1,2", "1,1,two")
     assert [line.split(" ")[0] for line in problems(drive)] == ["drive.csv:2:5:", "drive.csv:4:5:", "drive.csv:3:1:"]
     csv(drive, "t,px,py", *(f"{k},x,1" for k in range(40)))
-    assert problems(drive)[-1] == "drive.csv: and 32 more faults"
+    assert problems(drive)[-1] == "drive.csv: and more of the kind"
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_the_error_of_a_metric_names_those_that_need_no_truth(drive: Path) -> No
 
 
 def test_without_data_a_simulation_needs_what_it_needs(small: Path) -> None:
-    small.write_text("\n".join(line for line in small.read_text().splitlines() if not line.startswith(("st"))))
+    small.write_text("\n".join(line for line in small.read_text().splitlines() if not line.startswith("st")))
     assert [line.partition(": ")[2] for line in problems(small)] == ["steps: is required", "start: is required"]
 
 
@@ -320,11 +320,10 @@ def test_a_best_filter_is_not_chosen_on_the_data_that_judge_it(drive: Path) -> N
     assert json.loads(rkfbench("validate", drive, "--json").stdout)[0]["valid"]
 
 
-def test_the_parts_of_a_recording_are_checked_alone(drive: Path) -> None:
-    spec = load(drive).cells[0].spec
+def test_a_model_of_irregular_times_has_no_constant_matrices(drive: Path) -> None:
+    csv(drive, *IRREGULAR)
+    experiment = Experiment.of(load(drive).cells[0].spec)
     with pytest.raises(SpecError, match="constant matrices"):
-        csv(drive, *IRREGULAR)
-        Experiment.of(load(drive).cells[0].spec).assumed_model.matrices  # noqa: B018
+        _ = experiment.assumed_model.matrices
     with pytest.raises(UsageError, match="no such file"):
         recording.read({"measurements": "nowhere.csv"}, ["px"], [])
-    assert spec["data"]["measurements"] == str(drive.with_suffix(".csv"))

@@ -53,7 +53,8 @@ def tune(
     from rkfbench.report.tuned import choices, sentence, write
     from rkfbench.reproduce import RESULTS
     from rkfbench.scenario import load, pick
-    from rkfbench.study.tune import POINTS, axis
+    from rkfbench.study.axes import axis
+    from rkfbench.study.tune import POINTS
     from rkfbench.study.tune import tune as tuned
 
     loaded = load(scenario, sets=sets, sweeps=sweeps, runs=runs, seed=seed)

@@ -2,8 +2,9 @@
 
 If the model, Q and R are right, nu_k are independent N(0, S_k). Then nu' S^-1 nu has a mean equal to the number of
 components measured, and the standardised innovations e = L^-1 nu, L L' = S, are white with variance 1 (Bar-Shalom, Li
-and Kirubarajan, 2001, section 5.4). A robust filter inflates S at what it takes for an outlier. These metrics need no
-truth, so they are there for recorded data too. Steps without a measurement are left out.
+and Kirubarajan, 2001, section 5.4). S is that of the weighted update: a filter that inflates R at what it takes for an
+outlier has a small nu' S^-1 nu there, one that scales the innovation down (correntropy) a large one. These metrics need
+no truth, so they are there for recorded data too. Steps without a measurement are left out.
 """
 
 from __future__ import annotations

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from rkfbench.report import style
 from rkfbench.report.captions import case_name, metric_name
 from rkfbench.store import files
-from rkfbench.study.tune import Axis, Score, Tuned
+from rkfbench.study.axes import Axis
+from rkfbench.study.tune import Score, Tuned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -76,12 +76,6 @@ def _mapped(node: Any, change: Callable[[str], str], inside: str = "") -> Any:
     return node
 
 
-def files_of(spec: Mapping[str, Any]) -> dict[str, str]:
-    """The files of an experiment's data: key -> path."""
-    data = spec.get("data") or {}
-    return {key: data[key] for key in FILES if data.get(key) is not None}
-
-
 def with_steps(spec: Map) -> Map:
     """The cell with as many steps as its recording, where it does not say how many. SpecError if there is no file."""
     data = spec.get("data")

@@ -31,6 +31,7 @@ COMPUTE = (
         "experiment.py",
         "linalg.py",
         "parts.py",
+        "recorded.py",
         "recording.py",
         "sheet.py",
         "streams.py",

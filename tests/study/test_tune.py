@@ -14,7 +14,8 @@ from rkfbench.errors import UsageError
 from rkfbench.scenario import load
 from rkfbench.store import files
 from rkfbench.study import compute as module
-from rkfbench.study.tune import Axis, axis, changed, tune
+from rkfbench.study.axes import Axis, axis, changed
+from rkfbench.study.tune import tune
 from rkfbench.study.tuning import SEED_STEP
 
 HKF = {"use": "hkf", "label": "hkf", "threshold": 1.345, "root": "symmetric", "reuse_root": True}
