@@ -13,24 +13,26 @@ from typing import Any
 
 import numpy as np
 
-from rkfbench import parts
+from rkfbench import parts, recorded
 from rkfbench.errors import SpecError
 from rkfbench.filters import Filter, Known, Setting
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric
 from rkfbench.models import Model
+from rkfbench.models.timed import Timed
 from rkfbench.models.truths import Truth
 from rkfbench.noise import Law, Sample
 from rkfbench.noise.disturbances import Disturbance
 from rkfbench.noise.matrices import factor
 from rkfbench.parts import Lost, Told, collect, under
-from rkfbench.streams import Streams
+from rkfbench.recording import Recording
+from rkfbench.streams import GROUP, Streams
 
 
 @dataclass(frozen=True)
 class World:
     """What happened in the runs of a block: true states x (T, n, M), measurements y (T, m, M), the noise behind them,
-    and the filters' start x0 (n, M).
+    and the filters' start x0 (n, M). Of recorded data nobody knows the noise, and the truth may be NaN.
     """
 
     x: Array
@@ -52,7 +54,7 @@ class Experiment:
     model: Model
     process: Law
     measurement: Law
-    start: tuple[Array, Array | None]  # true initial state: its mean, and a factor of its covariance if it is drawn
+    start: tuple[Array, Array | None] | None  # true initial state: its mean, and a factor of its covariance if drawn
     told: Told
     mean_drawn: bool
     filters: Mapping[str, tuple[Filter, Told]]
@@ -63,6 +65,7 @@ class Experiment:
     disturbances: tuple[Disturbance, ...] = ()
     point: tuple[int, int] | None = None  # the step j and the lag of point smoothers
     score: str = "rmse"  # the metric by which runs are judged
+    recording: Recording | None = None  # what stands in place of a simulation
 
     @property
     def Q(self) -> Array:
@@ -78,11 +81,16 @@ class Experiment:
         faults: list[SpecError] = []
         model, assumed_model = parts.models_of(spec)
         n, m = len(model.states), len(model.measurements)
-        made: dict[str, Any] = {}
+        data = recorded.recording_of(spec, model)
+        intervals = recorded.intervals_of(model, data)
+        if intervals is not None:
+            assumed_model = Timed(assumed_model, intervals)
+        lacking = recorded.lacking(data, intervals is not None)
+        made: dict[str, Any] = {"recording": data}
         for name, make in {
-            "process": lambda: parts.law(spec, "process_noise", n),
-            "measurement": lambda: parts.law(spec, "measurement_noise", m),
-            "start": lambda: parts.start(spec["start"], n),
+            "process": lambda: recorded.law(spec, "process_noise", n),
+            "measurement": lambda: recorded.law(spec, "measurement_noise", m),
+            "start": lambda: parts.start(spec["start"], n) if data is None else None,
             "script": lambda: parts.script_of(spec.get("truth", "model"), model),
             "disturbances": lambda: tuple(
                 parts.disturbance(i, each, model, spec["steps"])
@@ -98,17 +106,21 @@ class Experiment:
         if "process" in made and "measurement" in made:
             laws = made["process"], made["measurement"]
             with collect(faults):
-                made["told"] = parts.told(spec["assumed"], laws, n, m)
+                made["told"] = recorded.paced(parts.told(spec["assumed"], laws, n, m), model, intervals)
             made["filters"] = {}
             for i, each in enumerate(spec["filters"]):
                 with collect(faults), under("filters", i):
-                    built = parts.filter_of(each, model, Setting(spec["steps"], *laws, made.get("point")))
-                    told = (
-                        parts.told_apart(each["assumed"], spec["assumed"], laws, n, m)
-                        if each.get("assumed")
-                        else made.get("told")
-                    )
+                    recorded.check_filter(each, lacking)
+                    built = parts.filter_of(each, assumed_model, Setting(spec["steps"], *laws, made.get("point")))
+                    told = made.get("told")
+                    if each.get("assumed"):
+                        told = parts.told_apart(each["assumed"], spec["assumed"], laws, n, m)
+                        told = recorded.paced(told, model, intervals)
                     made["filters"][each["label"]] = built, told
+        with collect(faults):
+            recorded.check_metrics(made.get("metrics", ()), lacking)
+        with collect(faults):
+            recorded.check_lost(spec, lacking)
         if not faults:
             with collect(faults):
                 parts.check_partners(made["metrics"], made["filters"])
@@ -123,7 +135,12 @@ class Experiment:
         )
 
     def simulate(self, streams: Streams) -> World:
-        """Truth and measurements of the runs of the streams: x_k = f(x_{k-1}) + w_k, y_k = h(x_k) + v_k, k = 1..T."""
+        """Truth and measurements of the runs of the streams: x_k = f(x_{k-1}) + w_k, y_k = h(x_k) + v_k, k = 1..T; or
+        the recorded ones.
+        """
+        if self.recording is not None:
+            x, y = self.recording.block(streams.first * GROUP, streams.runs)
+            return World(x, y, self._estimated_start(streams), recorded.unknown(x), recorded.unknown(y))
         x, x0, w, v = self.drawn(streams)
         return World(*self.follow(x, w.value, v.value), x0, w, v)
 
@@ -131,16 +148,19 @@ class Experiment:
         """All that chance decides of the runs: true start and filters' start (n, M), noise of process and
         measurement.
         """
+        assert self.start is not None
         mean, L = self.start
         x = np.repeat(mean[:, None], streams.runs, axis=1)
         if L is not None:
             x = x + L @ streams.normal("start", len(mean))
-        x0 = np.repeat(self.told.mean[:, None], streams.runs, axis=1)
-        if self.mean_drawn:
-            x0 = x0 + factor(self.told.P0) @ streams.normal("estimate", len(mean))
         w = self._noise("process", self.process, streams, self.model.states)
         v = self._noise("measurement", self.measurement, streams, self.model.measurements)
-        return x, x0, w, v
+        return x, self._estimated_start(streams), w, v
+
+    def _estimated_start(self, streams: Streams) -> Array:
+        """Where the filters start (n, M): at the mean that they are told, or drawn around it."""
+        x0 = np.repeat(self.told.mean[:, None], streams.runs, axis=1)
+        return x0 + factor(self.told.P0) @ streams.normal("estimate", len(x0)) if self.mean_drawn else x0
 
     def follow(self, x: Array, w: Array, v: Array) -> tuple[Array, Array]:
         """States (T, n, M) and measurements (T, m, M) from a start x (n, M) and the values of the noise."""

@@ -10,8 +10,22 @@ from typing import Annotated, Any
 
 import typer
 
-from rkfbench.cli import claims, look
+from rkfbench.cli import claims, exchange, inspect, look
 from rkfbench.cli.common import command
+from rkfbench.cli.options import (
+    Fresh,
+    Full,
+    Jobs,
+    MaxRuns,
+    Out,
+    Precision,
+    Runs,
+    Scheduler,
+    Seed,
+    Sets,
+    ShardOf,
+    Sweeps,
+)
 from rkfbench.cli.terminal import Terminal
 
 app = typer.Typer(
@@ -23,32 +37,6 @@ app = typer.Typer(
 )
 
 Scenarios = Annotated[list[str], typer.Argument(help="Scenario files, or names of bundled scenarios.")]
-Sets = Annotated[list[str], typer.Option("--set", metavar="PATH=VALUE", help="Override an entry of the scenario.")]
-Sweeps = Annotated[
-    list[str], typer.Option("--sweep", metavar="PATH=A:B:N", help="Add a sweep: first:last:count, or a,b,c.")
-]
-Runs = Annotated[int | None, typer.Option("--runs", min=1, help="Monte Carlo runs.")]
-Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all random streams.")]
-Full = Annotated[bool, typer.Option("--full", help="Also extras and the sensitivity study.")]
-Fresh = Annotated[bool, typer.Option("--fresh", help="Compute everything anew.")]
-Jobs = Annotated[int | None, typer.Option("--jobs", min=1, help="Processes (default: all cores when it pays).")]
-Scheduler = Annotated[
-    str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler; 'local' starts one here with --jobs workers."),
-]
-Precision = Annotated[
-    list[str],
-    typer.Option(
-        "--precision",
-        metavar="[METRIC=]NUMBER",
-        help="Run until the relative standard error is that small in all cases (default metric: the score).",
-    ),
-]
-MaxRuns = Annotated[int | None, typer.Option("--max-runs", min=1, help="Where --precision gives up (100000).")]
-ShardOf = Annotated[
-    str | None, typer.Option("--shard", metavar="I/N", help="Compute one part of the blocks only; a plain run merges.")
-]
-Out = Annotated[Path | None, typer.Option("--out", help="Folder for the results (default: results/SCENARIO).")]
 
 
 @app.callback(invoke_without_command=True)
@@ -98,9 +86,17 @@ def run(
     studies = list(zip(loaded, folders, strict=True))
     if shard is None:
         goals = [_goal(scenario, precision, max_runs) for scenario in loaded]
-        outcomes = _experiments(terminal, studies, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goals=goals)
+        run_all(terminal, studies, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goals=goals)
     else:
-        outcomes = _shards(terminal, studies, shard, full=full, jobs=jobs, scheduler=scheduler)
+        _show(terminal, _shards(terminal, studies, shard, full=full, jobs=jobs, scheduler=scheduler))
+
+
+def run_all(terminal: Terminal, studies: Sequence[tuple[Any, Path]], **options: Any) -> None:
+    """Run scenarios, each into its folder, and show the folders; exit code 1 when a filter raised."""
+    _show(terminal, _experiments(terminal, studies, **options))
+
+
+def _show(terminal: Terminal, outcomes: Sequence[Any]) -> None:
     if terminal.json:
         terminal.object([_as_data(outcome) for outcome in outcomes])
     else:
@@ -302,3 +298,5 @@ def _as_data(outcome: Any) -> dict[str, Any]:
 
 claims.add_to(app)
 look.add_to(app)
+exchange.add_to(app)
+inspect.add_to(app)

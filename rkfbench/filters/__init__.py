@@ -16,6 +16,7 @@ from rkfbench.errors import SpecError
 from rkfbench.filters import (
     adaptive,
     correntropy,
+    estimates,
     flow,
     fpmcs,
     joseph,
@@ -53,6 +54,7 @@ FILTERS: dict[str, Entry] = {
     **nrukf.FILTERS,
     **adaptive.FILTERS,
     **references.FILTERS,
+    **estimates.FILTERS,
 }
 MOMENTS: dict[str, Entry] = {"linear": Entry(Linear), "taylor": Entry(Taylor), **sigma.MOMENTS}
 WEIGHTS: dict[str, Entry] = {

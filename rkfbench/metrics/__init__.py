@@ -12,8 +12,8 @@ from annotated_types import Ge, Interval
 from rkfbench.catalogue import Entry
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
-from rkfbench.metrics import consistency, diagnostics, point
-from rkfbench.metrics.base import Metric, Trial
+from rkfbench.metrics import consistency, diagnostics, innovations, point
+from rkfbench.metrics.base import RECORD, TRUTH, Metric, Trial
 from rkfbench.metrics.conditioning import (
     ConditionRatioTopPsi,
     ConditionS,
@@ -140,17 +140,17 @@ def outlier_rate(fifth: Annotated[int, Interval(ge=1, le=5), "1: the smallest la
 
 
 METRICS: dict[str, Entry] = {
-    "err_norm": Entry(err_norm, paper="aladkf-2020", equations="(82)"),
-    "max_error": Entry(max_error),
-    "mse": Entry(mse),
-    "rmse": Entry(rmse, paper="pekf-2017", equations="(41), (43)"),
-    "pooled_rmse": Entry(pooled_rmse),
+    "err_norm": Entry(err_norm, paper="aladkf-2020", equations="(82)", needs=TRUTH),
+    "max_error": Entry(max_error, needs=TRUTH),
+    "mse": Entry(mse, needs=TRUTH),
+    "rmse": Entry(rmse, paper="pekf-2017", equations="(41), (43)", needs=TRUTH),
+    "pooled_rmse": Entry(pooled_rmse, needs=TRUTH),
     "cond_S": Entry(cond_S, paper="aladkf-2020", equations="(42)-(44)"),
     "cond_S_max": Entry(cond_S_max, paper="aladkf-2020", equations="(42)-(44)"),
-    "if_norm": Entry(if_norm, paper="aladkf-2020", equations="(59)-(77), (81)"),
+    "if_norm": Entry(if_norm, paper="aladkf-2020", equations="(59)-(77), (81)", needs=TRUTH),
     "lambda_mean": Entry(lambda_mean, paper="aladkf-2020", equations="(38)"),
-    "lambda_auc": Entry(lambda_auc, paper="aladkf-2020", equations="(38)"),
-    "outlier_rate": Entry(outlier_rate, paper="aladkf-2020", equations="(38)"),
+    "lambda_auc": Entry(lambda_auc, paper="aladkf-2020", equations="(38)", needs=RECORD),
+    "outlier_rate": Entry(outlier_rate, paper="aladkf-2020", equations="(38)", needs=RECORD),
     "share_46": Entry(share_46, paper="aladkf-2020", equations="(46)"),
     "share_worse_given_46": Entry(share_worse_given_46, paper="aladkf-2020", equations="(46)-(47)"),
     "cond_ratio_top_psi": Entry(cond_ratio_top_psi, paper="aladkf-2020", equations="(42)-(43)"),
@@ -160,6 +160,7 @@ METRICS: dict[str, Entry] = {
     **diagnostics.METRICS,
     **point.METRICS,
     **consistency.METRICS,
+    **innovations.METRICS,
 }
 
 _NAME = re.compile(
@@ -189,7 +190,8 @@ def get(text: str) -> Metric:
         at = (int(first), int(last or first))
     if curve and parts.get("reduce") == "root":
         parts = {**parts, "root": True}  # the root is taken over the runs at each k
-    return Metric(text, states=states, at=at, curve=curve, **parts)
+    needs = METRICS[match["name"]].needs | getattr(parts["quantity"], "needs", frozenset())
+    return Metric(text, states=states, at=at, curve=curve, needs=needs, **parts)
 
 
 def applies(metric: Metric, filt: Any) -> bool:

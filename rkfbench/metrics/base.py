@@ -24,6 +24,10 @@ from rkfbench.linalg import Array
 if TYPE_CHECKING:
     from rkfbench.experiment import Experiment, World
 
+# What a metric may need to know beyond measurements and estimates; of recorded data it is not always known.
+TRUTH = frozenset({"truth"})
+RECORD = frozenset({"record"})
+
 Reduce = Literal["mean", "max", "root", "median", "last", "mean_where", "root_where"]
 
 
@@ -119,6 +123,7 @@ class Metric:
     point: Literal["last", "lag"] | int | None = (
         None  # about x_j of the scenario's point: last estimate, curve over the lag, or one lag
     )
+    needs: frozenset[str] = frozenset()  # what it must know beyond measurements and estimates: truth, record
 
     @property
     def statistic(self) -> Literal["mean", "root_mean"]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rkfbench.filters.base import Estimate
 from rkfbench.linalg import Array, batched, cond
-from rkfbench.metrics.base import Each, Trial, outliers
+from rkfbench.metrics.base import RECORD, Each, Trial, outliers
 
 Which = Literal["all", "outlier", "clean", "worse"]
 ROUNDING = 1e-9  # relative margin of `worse`: the rounding of cond(S) is about 1e-16 cond(S), and a few units here
@@ -75,6 +75,10 @@ class Premise(Each):
     which: Which = "all"
     than: str = "kf"
     keep: ClassVar[frozenset[str]] = frozenset({"S", "inflation"})
+
+    @property
+    def needs(self) -> frozenset[str]:
+        return RECORD if self.which in ("outlier", "clean") else frozenset()
 
     @property
     def partners(self) -> Mapping[str, frozenset[str]]:  # type: ignore[override]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rkfbench.catalogue import Entry
 from rkfbench.linalg import Array, positive_definite
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import TRUTH, Each, Trial
 from rkfbench.metrics.errors import SquaredError
 from rkfbench.models import wrap
 
@@ -211,15 +211,15 @@ def score() -> Parts:
 
 
 METRICS: dict[str, Entry] = {
-    "axis_rmse": Entry(axis_rmse),
+    "axis_rmse": Entry(axis_rmse, needs=TRUTH),
     "stated_rmse": Entry(stated_rmse),
-    "radial_rmse": Entry(radial_rmse),
-    "tangential_rmse": Entry(tangential_rmse),
+    "radial_rmse": Entry(radial_rmse, needs=TRUTH),
+    "tangential_rmse": Entry(tangential_rmse, needs=TRUTH),
     "radial_sd": Entry(radial_sd),
     "tangential_sd": Entry(tangential_sd),
-    "excess": Entry(excess, paper="pekf-2017", equations="section 1"),
-    "excess_entry": Entry(excess_entry, paper="pekf-2017", equations="section 1"),
+    "excess": Entry(excess, paper="pekf-2017", equations="section 1", needs=TRUTH),
+    "excess_entry": Entry(excess_entry, paper="pekf-2017", equations="section 1", needs=TRUTH),
     "indefinite": Entry(indefinite),
-    "crossed": Entry(crossed),
-    "score": Entry(score),
+    "crossed": Entry(crossed, needs=TRUTH),
+    "score": Entry(score, needs=TRUTH),
 }

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt
 
 from rkfbench.catalogue import Entry
+from rkfbench.metrics.base import TRUTH
 from rkfbench.metrics.behaviour import Distance, Error, Fluctuation, Nees, Settling, StandardDeviation, State
 from rkfbench.metrics.histories import Beyond, MeanOf
 
@@ -79,10 +80,10 @@ def share_above(
 
 METRICS: dict[str, Entry] = {
     "state": Entry(state),
-    "error": Entry(error),
-    "fluctuation": Entry(fluctuation, paper="daf", equations="conclusions"),
-    "settling": Entry(settling),
-    "nees": Entry(nees),
+    "error": Entry(error, needs=TRUTH),
+    "fluctuation": Entry(fluctuation, paper="daf", equations="conclusions", needs=TRUTH),
+    "settling": Entry(settling, needs=TRUTH),
+    "nees": Entry(nees, needs=TRUTH),
     "sd": Entry(sd),
     "distance": Entry(distance),
     "mean_of": Entry(mean_of),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from rkfbench.linalg import Array
-from rkfbench.metrics.base import Each, Trial, outliers
+from rkfbench.metrics.base import RECORD, Each, Trial, outliers
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class SquaredErrorWhere(SquaredError):
     """The squared error at the steps whose measurement has an outlier, or has none; NaN at the others."""
 
     where: str = "outlier"
+    needs: ClassVar[frozenset[str]] = RECORD
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         return np.where(outliers(trial) == (self.where == "outlier"), super().__call__(trial, states), np.nan)

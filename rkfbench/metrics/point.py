@@ -17,7 +17,7 @@ import numpy as np
 
 from rkfbench.catalogue import Entry
 from rkfbench.linalg import Array
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import TRUTH, Each, Trial
 from rkfbench.metrics.errors import SquaredError
 
 Base = Annotated[Literal["prior", "post"], "the covariance before or after y_j"]
@@ -108,8 +108,8 @@ def distinct() -> dict[str, Any]:
 
 
 METRICS: dict[str, Entry] = {
-    "mse_prior": Entry(mse_prior),
-    "tracking_mse": Entry(tracking_mse),
+    "mse_prior": Entry(mse_prior, needs=TRUTH),
+    "tracking_mse": Entry(tracking_mse, needs=TRUTH),
     "trace": Entry(trace),
     "improvement": Entry(improvement, paper="fpmcs-2024", equations="(33)"),
     "distinct": Entry(distinct),

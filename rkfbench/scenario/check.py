@@ -12,6 +12,8 @@ from rkfbench.experiment import Experiment as Made
 from rkfbench.filters import build as build_filter
 from rkfbench.models import truths
 from rkfbench.noise import disturbances
+from rkfbench.scenario.attached import faults as required
+from rkfbench.scenario.attached import with_steps
 from rkfbench.scenario.defaults import completed_filter, completed_kinds
 from rkfbench.scenario.filters import description, expanded
 from rkfbench.scenario.schema import Experiment
@@ -32,6 +34,8 @@ class Checker:
         There is no plain data where something is wrong. Without `whole` only the shape is checked.
         """
         faults: list[SpecError] = []
+        spec = attempt(faults, lambda: with_steps(spec)) or spec
+        faults += required(spec)
         if isinstance(spec.get("filters"), Seq):
             listed = attempt(faults, lambda: self._filters(spec["filters"]), "filters")
             if listed is not None:

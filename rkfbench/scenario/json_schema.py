@@ -10,6 +10,7 @@ from typing import Any
 from rkfbench import metrics
 from rkfbench.catalogue import Entry, parameter_model
 from rkfbench.filters import FILTERS
+from rkfbench.scenario.attached import SIMULATED
 from rkfbench.scenario.defaults import KINDS, PARTS
 from rkfbench.scenario.files import FOLDER
 from rkfbench.scenario.filters import Head
@@ -24,6 +25,7 @@ def schema() -> Schema:
     """The schema of a scenario file, with every model, law, filter and metric of the catalogues."""
     whole: Schema = {"$schema": DIALECT} | _any(ScenarioFile.model_json_schema()) | {"title": "rkfbench scenario"}
     definitions, properties = whole["$defs"], whole["properties"]
+    whole["anyOf"] = [{"required": ["data"]}, {"required": list(SIMULATED)}]
     for name, key in {
         "Model": "model",
         "Truth": "truth",

@@ -6,14 +6,14 @@ the line of the reading, one that came from an option names the option.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from functools import cache
 from pathlib import Path as FilePath
 from typing import Any
 
 from rkfbench.catalogue import check
 from rkfbench.errors import Path, Problem, ScenarioError, SpecError, UsageError
-from rkfbench.scenario import files, yaml
+from rkfbench.scenario import attached, files, yaml
 from rkfbench.scenario.check import SECTIONS, Checker
 from rkfbench.scenario.defaults import completed_filter, completed_kinds
 from rkfbench.scenario.expand import between, columns, drafts
@@ -23,7 +23,7 @@ from rkfbench.scenario.override import add_sweep, graft, set_value
 from rkfbench.scenario.paper import load_paper
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.scenario.scenario import Cell, Scenario
-from rkfbench.scenario.schema import META, Citation, ScenarioFile
+from rkfbench.scenario.schema import META, Citation, Runs, ScenarioFile
 from rkfbench.scenario.yaml import Map, Mark
 
 Rewrite = Callable[[Map, str, Any, Mark], Map]
@@ -36,18 +36,21 @@ def load(
     sweeps: Sequence[str] = (),
     runs: int | None = None,
     seed: int | None = None,
+    estimates: Mapping[str, FilePath] | None = None,
 ) -> Scenario:
     """The scenario of a file or a bundled name, rewritten by options `path=value` and `path=0:1:5`.
 
-    Raises ScenarioError with all problems of the file.
+    `estimates` are files of filters written elsewhere, by label. Raises ScenarioError with all problems of the file.
     """
     path = files.find(source, files.bundled(), "scenario")
     document = yaml.read(path, files.display(path))
     problems: list[Problem] = []
     document = _with_options(document, sets, sweeps, runs, seed, problems)
+    document = attached.absolute(attached.with_estimates(document, estimates or {}), path.parent)
     file = _checked(document, problems)
     cells = list(_cells(document, problems))
     if file is not None and not problems:
+        file = _with_runs(file, document, cells, problems)
         faults = list(unknown_names(file, cells, columns(list(file.sweep)), _paper(file, document)))
         if sets or sweeps:  # what they have removed is not shown
             document, file = _without(document, file, {each.path[:2] for each in faults})
@@ -55,6 +58,7 @@ def load(
             problems += located(document, faults)
     if problems or file is None:
         raise ScenarioError(in_order(problems))
+    cells = attached.placed(cells, file.runs.paper)
     return Scenario(
         name=file.name,
         title=file.title,
@@ -81,6 +85,19 @@ def load(
 def load_bundled(name: str) -> Scenario:
     """A bundled scenario as it stands in its file, which is read once."""
     return load(name)
+
+
+def _with_runs(file: ScenarioFile, document: Map, cells: Sequence[Cell], problems: list[Problem]) -> ScenarioFile:
+    """The file with all recorded runs, where it does not say how many; what it says may not be more."""
+    recorded = attached.recorded_runs(cells)
+    if recorded is None:
+        return file
+    if "runs" not in document:
+        return file.model_copy(update={"runs": Runs(paper=recorded, reference=recorded)})
+    if max(file.runs.paper, file.runs.reference) > recorded:
+        what = "recording is" if recorded == 1 else "recordings are"
+        problems += located(document, [SpecError(f"only {recorded} {what} there", ("runs",))])
+    return file
 
 
 def _with_options(

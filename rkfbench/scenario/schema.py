@@ -71,6 +71,16 @@ class Assumed(Strict):
     )
 
 
+class Data(Strict):
+    """Recorded data in place of a simulation: CSV files, their paths as seen from the scenario file."""
+
+    measurements: Text = Field(
+        description="one row a step, the measurements as columns, `run` where there are several; empty: missing"
+    )
+    truth: Text | None = Field(default=None, description="the same rows with the states as columns, where known")
+    time: Text | None = Field(default=None, description="column of the time; without it the steps are the model's")
+
+
 class Lost(Strict):
     """When a run counts as lost: the error of some state exceeds a limit."""
 
@@ -146,13 +156,16 @@ Sweep = Annotated[Annotated[Tiers, Tag("tiers")] | Annotated[Points, Tag("points
 class Experiment(Strict):
     """One cell: a model, its noise, what the filters are told, the filters, what is measured."""
 
-    steps: int = Field(ge=1, le=MOST_STEPS, description="number of steps T; k = 1..T")
+    steps: int | None = Field(
+        default=None, ge=1, le=MOST_STEPS, description="number of steps T; k = 1..T; with data: default all"
+    )
+    data: Data | None = Field(default=None, description="recorded data in place of a simulation")
     model: Any = Field(description="state-space model: {kind, parameters}")
     truth: Any = Field(default="model", description="`model`, or a scripted trajectory {kind, parameters}")
-    start: Start
+    start: Start | None = None
     input: Input | None = Field(default=None, description="known input of the model")
     process_noise: Any = Field(default=None, description="law of w_k; none if left out")
-    measurement_noise: Any = Field(description="law of the measurement noise: {kind, parameters}")
+    measurement_noise: Any = Field(default=None, description="law of the measurement noise: {kind, parameters}")
     disturbances: list[Any] = Field(default=[], description="shots and scripted errors, on top of the noise")
     assumed: Assumed
     lost: Lost | None = None

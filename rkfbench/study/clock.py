@@ -84,7 +84,8 @@ def _cells(scenario: Scenario, full: bool) -> list[Cell]:
 
 
 def _labels(cell: Cell, wanted: Wanted, full: bool) -> list[str]:
-    of_tier = [each["label"] for each in cell.spec["filters"] if full or not each.get("extra")]
+    ours = (each for each in cell.spec["filters"] if each.get("use") != "estimates")  # made elsewhere
+    of_tier = [each["label"] for each in ours if full or not each.get("extra")]
     return [label for label in of_tier if label in wanted.get(cell.case, ())]
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rkfbench import metrics
+from rkfbench.scenario.attached import carried
 from rkfbench.scenario.yaml import dump
 from rkfbench.store import blocks, files
 from rkfbench.store.blocks import Curve, Part
@@ -47,7 +48,9 @@ class Finished:
 
 def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> None:
     """Write scenario.yaml, filters.csv, summary.csv, series.csv and runs.csv."""
-    files.write(folder / "scenario.yaml", dump(scenario.resolved))
+    with files.writing(folder):
+        resolved = carried(scenario.resolved, folder)
+    files.write(folder / "scenario.yaml", dump(resolved))
     _write_filters(folder / "filters.csv", finished)
 
     sweep = list(dict.fromkeys(column for each in finished for column in each.cell.point))

@@ -11,12 +11,12 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rkfbench import metrics
-from rkfbench.store import blocks, manifest
+from rkfbench.store import blocks, files, manifest
 
 if TYPE_CHECKING:
     from rkfbench.scenario import Cell, Scenario
@@ -31,6 +31,9 @@ COMPUTE = (
         "experiment.py",
         "linalg.py",
         "parts.py",
+        "recorded.py",
+        "recording.py",
+        "sheet.py",
         "streams.py",
         "filters",
         "metrics",
@@ -105,9 +108,9 @@ def units(scenario: Scenario, folder: Path, full: bool) -> Iterator[Unit]:
 
 def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
     """For each filter of a cell the key of its numbers, but for the runs."""
-    shared = {key: value for key, value in spec.items() if key not in ("filters", "metrics")}
+    shared = {key: value for key, value in spec.items() if key not in ("filters", "metrics", "data")}
     filters = {
-        each["label"]: digest({k: v for k, v in each.items() if k not in ("extra", "timing")})
+        each["label"]: digest({k: v for k, v in _contents(each).items() if k not in ("extra", "timing")})
         for each in spec["filters"]
     }
     partners = sorted({label for name in spec["metrics"] for label in metrics.get(name).quantity.partners})
@@ -117,7 +120,22 @@ def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
         "scenario": digest(shared),
         "metrics": digest([spec["metrics"], [filters.get(label) for label in partners]]),
     }
+    if spec.get("data"):
+        common["data"] = digest(_contents(spec["data"]))
     return {label: {**common, "filter": own} for label, own in filters.items()}
+
+
+def _contents(spec: Mapping[str, Any]) -> dict[str, Any]:
+    """Data, or a filter, with the hash of a file in the place of its path: where a file stands does not matter."""
+    named = ("measurements", "truth") if "use" not in spec else ("file",) if spec["use"] == "estimates" else ()
+    paths = {key: Path(spec[key]) for key in named if spec.get(key)}
+    return {**spec, **{key: sha256(path, path.stat().st_mtime_ns) for key, path in paths.items()}}
+
+
+@lru_cache(maxsize=64)
+def sha256(path: Path, modified: int) -> str:
+    """SHA-256 of a file as it was at that time."""
+    return files.sha256(path)
 
 
 def look_up(unit: Unit) -> Stored:
@@ -168,12 +186,13 @@ _REASONS = {
     "runs": "number of runs changed",
     "scenario": "scenario changed",
     "metrics": "metrics changed",
+    "data": "recorded data changed",
 }
 
 
 def _difference(label: str, old: Mapping[str, Any], new: Key) -> str:
     for entry, reason in _REASONS.items():
-        if old.get(entry) != new[entry]:
+        if old.get(entry) != new.get(entry):
             return reason
     return f"filter {label} changed"
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rkfbench.errors import UsageError
 from rkfbench.store.manifest import TUNING
 from rkfbench.study.engines import Engine
 from rkfbench.study.events import Report
@@ -39,7 +40,12 @@ def update(
 
 
 def study_of(scenario: Scenario, choices: Collection[Choice]) -> Scenario:
-    """The study of the tuning runs: the candidates and the metrics of the choices, on a seed of its own."""
+    """The study of the tuning runs: the candidates and the metrics of the choices, on a seed of its own.
+
+    Raises UsageError for recorded data, which has no other runs.
+    """
+    if any(cell.spec.get("data") for cell in scenario.cells):
+        raise UsageError(f"{scenario.name}: a best filter is chosen on tuning runs, and recorded data has none")
     labels = {label for choice in choices for label in choice.candidates}
     metrics = sorted({choice.metric for choice in choices})
 

@@ -16,6 +16,7 @@ import numpy as np
 from rkfbench.experiment import Experiment, World
 from rkfbench.filters import Estimate
 from rkfbench.filters.baselines import BayesGrid
+from rkfbench.filters.estimates import Estimates
 from rkfbench.filters.flow import Flow
 from rkfbench.filters.particle import ParticleFilter, ParticleSmoother
 from rkfbench.filters.references import Clairvoyant, Rejecting, Truth
@@ -26,7 +27,7 @@ from rkfbench.streams import Streams
 OF_THE_TRUTH = ("truth", "start", "process_noise", "measurement_noise", "disturbances", "lost")
 
 # They look at more than the measurements, or take the runs in small portions anyhow.
-APART = (ParticleFilter, ParticleSmoother, Clairvoyant, Rejecting, Truth, BayesGrid, Flow)
+APART = (ParticleFilter, ParticleSmoother, Clairvoyant, Rejecting, Truth, BayesGrid, Flow, Estimates)
 
 
 class Case(NamedTuple):
@@ -44,7 +45,8 @@ def structure(spec: Mapping[str, Any]) -> dict[str, Any]:
 def worlds(experiments: Sequence[Experiment], streams: Streams) -> list[Case]:
     """What happens in every case; the cases have the same `structure`."""
     first = experiments[0]
-    if len(experiments) == 1 or not goes_wide(first.model) or any(each.script is not None for each in experiments):
+    recorded_or_scripted = any(each.recording is not None or each.script is not None for each in experiments)
+    if len(experiments) == 1 or recorded_or_scripted or not goes_wide(first.model):
         return [Case(each, each.simulate(streams)) for each in experiments]
     drawn = [each.drawn(streams) for each in experiments]
     starts, own_starts, w, v = zip(*drawn, strict=True)

@@ -1,0 +1,119 @@
+"""The commands that look into filters: tune, trace."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rkfbench.cli.common import command
+from rkfbench.cli.options import Cases, Reading, Runs, ScenarioName, Seed, Sets, Sweeps
+from rkfbench.cli.terminal import Terminal
+
+OneFilter = Annotated[str, typer.Option("--filter", help="A filter of the scenario by its label.")]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    for each in (tune, trace):
+        app.command()(each)
+
+
+@command
+def tune(
+    terminal: Terminal,
+    scenario: ScenarioName,
+    label: OneFilter,
+    over: Annotated[
+        list[str],
+        typer.Option("--over", metavar="PARAMETER=A:B", help="Range to search: first:last[:count], or a,b,c."),
+    ],
+    metric: Annotated[
+        str | None, typer.Option("--metric", help="What is made small (default: the scenario's score, else rmse).")
+    ] = None,
+    points: Annotated[int | None, typer.Option("--points", min=2, help="Points of the grid along a range.")] = None,
+    grid: Annotated[bool, typer.Option("--grid", help="The grid alone, without the optimiser after it.")] = False,
+    cases: Cases = [],
+    reading: Reading = None,
+    runs: Runs = None,
+    seed: Seed = None,
+    sets: Sets = [],
+    sweeps: Sweeps = [],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the files (default: results/SCENARIO~tune-FILTER).")
+    ] = None,
+) -> None:
+    """Find the best parameters of a filter, case by case, on tuning runs; report them on the test runs.
+
+    The tuning runs have a seed of their own, so the choice does not profit from the runs that judge it.
+    """
+    import re
+
+    from rkfbench.report.tuned import choices, sentence, write
+    from rkfbench.reproduce import RESULTS
+    from rkfbench.scenario import load, pick
+    from rkfbench.study.axes import axis
+    from rkfbench.study.tune import POINTS
+    from rkfbench.study.tune import tune as tuned
+
+    loaded = load(scenario, sets=sets, sweeps=sweeps, runs=runs, seed=seed)
+    found = []
+    for cell in pick.cells(loaded, cases, reading):
+        spec = pick.filter_of(cell, label)
+        axes = [axis(each, spec, points or POINTS.get(len(over), 5)) for each in over]
+        goal = metric or cell.spec.get("score") or "rmse"
+        found.append(tuned(cell, spec, axes, goal, seed=loaded.seed, runs=loaded.runs, refine=not grid))
+        terminal.note(sentence(found[-1], axes))
+    name = re.sub(r"[^\w.=,+-]+", "-", label).strip("-")
+    folder = out or RESULTS / f"{loaded.name}~tune-{name}"
+    for path in write(folder, found, label, goal):
+        terminal.note(str(path))
+    rows = list(choices(found, label, goal))
+    hidden = ("reading", "filter", "metric", "sd", "median", "q05", "q95")
+    terminal.records(rows, [name for name in rows[0] if terminal.json or name not in hidden])
+
+
+@command
+def trace(
+    terminal: Terminal,
+    scenario: ScenarioName,
+    label: OneFilter,
+    run: Annotated[int | None, typer.Option("--run", min=0, help="Number of the run, from 0.")] = None,
+    worst: Annotated[bool, typer.Option("--worst", help="The run of the study with the largest error.")] = False,
+    metric: Annotated[
+        str | None, typer.Option("--metric", help="What is largest in the worst run (default: the scenario's score).")
+    ] = None,
+    case: Annotated[str | None, typer.Option("--case", help="The case, where there are several.")] = None,
+    reading: Reading = None,
+    runs: Runs = None,
+    seed: Seed = None,
+    sets: Sets = [],
+    sweeps: Sweeps = [],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the files (default: results/SCENARIO~trace).")
+    ] = None,
+) -> None:
+    """Show one run of one filter from the inside: truth, measurements, estimates, innovations, weights, flags."""
+    from rkfbench import trace as traces
+    from rkfbench.errors import UsageError
+    from rkfbench.report.traced import write
+    from rkfbench.reproduce import RESULTS, folder_of
+    from rkfbench.scenario import load, pick
+
+    if (run is not None) == worst:
+        raise UsageError("which run? give either --run N or --worst")
+    loaded = load(scenario, sets=sets, sweeps=sweeps, runs=runs, seed=seed)
+    cell = pick.one_cell(loaded, case, reading)
+    pick.filter_of(cell, label)
+    if run is None:
+        goal = metric or cell.spec.get("score") or "rmse"
+        numbers = {"runs": runs, "seed": seed}
+        overrides = [*sets, *sweeps, *(f"{name}={value}" for name, value in numbers.items() if value is not None)]
+        run, value = traces.worst(loaded, cell, label, goal, folder_of(loaded, overrides))
+        terminal.note(f"run {run} of {loaded.runs}: {goal} = {value:.6g}")
+    found = traces.trace(cell, loaded.seed, run, label)
+    for path in write(out or RESULTS / f"{loaded.name}~trace", found):
+        (terminal.note if terminal.json else terminal.data)(str(path))
+    if terminal.json:
+        terminal.object([dict(zip(found.columns, row, strict=True)) for row in found.rows()])
