@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from rkfbench.own import short
 from rkfbench.report.material import distinct
 from rkfbench.report.points import Lines, Point
 from rkfbench.report.style import display_name
@@ -57,7 +58,7 @@ def metric_name(metric: str) -> str:
     """`mse[px]@900` -> `MSE [px] at k = 900`; that of a curve (`err_norm@k`) is the name alone."""
     name, _, step = metric.partition("@")
     base = re.split(r"[(\[]", name, maxsplit=1)[0]
-    shown = METRICS.get(base, base.replace("_", " "))
+    shown = METRICS.get(base, short(base).replace("_", " "))
     rest = name[len(base) :].replace("(", " (").replace("[", " [").replace(",", ", ").replace("=", " = ")
     if step.startswith("j+"):
         return f"{shown}{rest} at lag {step[2:]}"

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rkfbench.own.faults import told
 from rkfbench.store.blocks import Array, Curve, Part
 
 
@@ -49,7 +50,7 @@ def work(job: Job) -> Done:
         return Done(job.index, _compute(job, job.labels), {})
     except Exception as error:
         if len(job.labels) == 1:
-            fault = Fault(f"{type(error).__name__}: {error}", traceback.format_exc())
+            fault = Fault(told(error), traceback.format_exc())
             return Done(job.index, {}, {job.labels[0]: fault})
     parts: dict[str, Part] = {}
     faults: dict[str, Fault] = {}

@@ -16,6 +16,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rkfbench import own
 from rkfbench.errors import RkfbenchError, UsageError
 from rkfbench.store import blocks, files, manifest
 from rkfbench.store.lock import locked
@@ -75,6 +76,7 @@ def update(
 ) -> Outcome:
     """The same in a folder that is `reserved`."""
     begin, started = time.perf_counter(), _now()
+    own.beside(scenario.plugins)
     if fresh:
         _remove(folder / manifest.BLOCKS)
     units = list(plan.units(scenario, folder, full))
