@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rkfbench.cli import claims, look
+from rkfbench.cli import claims, look, own
 from rkfbench.cli.common import command
 from rkfbench.cli.terminal import Terminal
 
@@ -192,3 +192,4 @@ def _as_data(outcome: Any) -> dict[str, Any]:
 
 claims.add_to(app)
 look.add_to(app)
+own.add_to(app)

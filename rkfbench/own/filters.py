@@ -20,6 +20,7 @@ from typing import Any
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate, Known, Setting
@@ -122,6 +123,17 @@ class OneByOne:
     make: Callable[..., Any]
     params: Mapping[str, Any]
     given: tuple[str, ...]
+    only: int | None = None  # how many runs of a batch are wanted; the others are left out, as if they had failed
+
+    def first(self, runs: int) -> OneByOne:
+        """The filter for the first runs of a batch: no run depends on those beside it."""
+        return replace(self, only=runs)
+
+    def check(self, model: Model) -> None:
+        """SpecError if the filter's own check(model), where it has one, refuses the model."""
+        own: Callable[[Model], None] | None = getattr(self.make, "check", None)
+        if own is not None:
+            own(model)
 
     @property
     def sees(self) -> frozenset[str]:
@@ -148,15 +160,15 @@ class OneByOne:
         (T, _, M), n = y.shape, len(x0)
         shapes = {"mean": (n,), "cov": (n, n), "prior_mean": (n,), "prior_cov": (n, n)}
         kept = {key: np.full((T, *shapes[key], M), np.nan) for key in shapes if key == "mean" or key in keep}
-        first = streams.first * GROUP if streams is not None else 0
+        before = streams.first * GROUP if streams is not None else 0
         with np.errstate(all="ignore"):
-            for i in range(M):
+            for i in range(M if self.only is None else min(M, self.only)):
                 given: dict[str, Any] = {"model": model, "y": y[..., i], "x0": x0[:, i]}
                 if "rng" in self.given:
                     given["rng"] = generator(streams, i)
                 given |= {key: A[..., min(i, A.shape[-1] - 1)] for key, A in (("P0", P0), ("Q", Q), ("R", R))}
                 own = {key: each.copy() if isinstance(each, np.ndarray) else each for key, each in given.items()}
-                place = f" in run {first + i}"
+                place = f" in run {before + i}"
                 try:
                     for k, step in enumerate(self._steps(own, place), 1):
                         for key, value in step.items():
@@ -165,8 +177,8 @@ class OneByOne:
                 except np.linalg.LinAlgError:  # numerically dead: counted, as with any filter
                     continue
                 unchanged(f"{self.name}{place}", given, own)
-        failed = ~np.isfinite(kept["mean"]).all((0, 1))
-        return Estimate(kept.pop("mean"), kept.pop("cov", None), failed, kept)
+        mean, failed = buried(kept.pop("mean"))
+        return Estimate(mean, kept.pop("cov", None), failed, kept)
 
     def _steps(self, own: Mapping[str, Any], place: str) -> Iterator[Mapping[str, Any]]:
         """What is known after each step of one run."""
@@ -263,5 +275,11 @@ def sound(name: str, estimate: Any, shape: tuple[int, int, int], keep: Collectio
         raise PluginFault(f"{name} returned {found}, expected {(times, n, n, M)} or {(times, n, n, 1)}")
     if lacking := set(keep) - {"cov"} - estimate.extras.keys():
         raise PluginFault(f"{name} was asked to keep {', '.join(sorted(lacking))} and did not")
-    died = ~np.isfinite(estimate.mean).all((0, 1))
-    return replace(estimate, failed=np.asarray(estimate.failed, dtype=bool) | died)
+    mean, died = buried(np.asarray(estimate.mean, dtype=float))
+    return replace(estimate, mean=mean, failed=np.asarray(estimate.failed, dtype=bool) | died)
+
+
+def buried(mean: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Means with NaN in a run from the first value on that is no finite number, and the runs that have one."""
+    dead = np.logical_or.accumulate(~np.isfinite(mean).all(1, keepdims=True), axis=0)
+    return (np.where(dead, np.nan, mean) if dead.any() else mean), dead.any((0, 1))

@@ -7,7 +7,7 @@ on how many those are.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from rkfbench.experiment import Experiment, World
 from rkfbench.filters import Estimate
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric, Trial
+from rkfbench.own.filters import OneByOne
 from rkfbench.streams import GROUP, Streams
 from rkfbench.study.blocks import block_size
 
@@ -49,6 +50,7 @@ def compute(spec: Mapping[str, Any], seed: int, block: int, runs: int, labels: S
     streams = Streams(seed, first // GROUP, -(-(last - first) // GROUP))
     world = experiment.simulate(streams)
     partners = _partners(experiment, labels)
+    experiment = _narrowed(experiment, last - first)
     held = {label: _estimate(experiment, world, streams, label, keep) for label, keep in partners.items()}
     hosts = _hosts(experiment, [label for label in labels if label not in held])
     passed: dict[str, Estimate | None] = {}
@@ -62,6 +64,15 @@ def compute(spec: Mapping[str, Any], seed: int, block: int, runs: int, labels: S
         passed[label] = estimate.passed
         results[label] = _reduce(experiment, world, label, estimate, wanted, held, last - first)
     return BlockResult(first, last, {label: results[label] for label in labels})
+
+
+def _narrowed(experiment: Experiment, runs: int) -> Experiment:
+    """The experiment whose filters that take the runs one by one leave out those that nobody wants."""
+    filters = {
+        label: (filt.first(runs) if isinstance(filt, OneByOne) else filt, told)
+        for label, (filt, told) in experiment.filters.items()
+    }
+    return replace(experiment, filters=filters)
 
 
 def _hosts(experiment: Experiment, labels: Sequence[str]) -> dict[str, str]:

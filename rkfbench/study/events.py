@@ -24,6 +24,18 @@ class Recomputing:
 
 
 @dataclass(frozen=True)
+class Looped:
+    """A filter of one run is looped over the runs: microseconds a run and step, how many times that of a Kalman filter
+    on a batch of runs, and about how many seconds of one core in all.
+    """
+
+    filter: str
+    microseconds: float
+    ratio: float
+    seconds: float
+
+
+@dataclass(frozen=True)
 class BlockDone:
     """A block is on the disk."""
 
@@ -55,5 +67,5 @@ class Failure:
         return f"case {self.case}, filter {self.filter}, block {self.block}: {self.message}"
 
 
-Event = Planned | Recomputing | BlockDone | CaseDone | Failure
+Event = Planned | Recomputing | Looped | BlockDone | CaseDone | Failure
 Report = Callable[[Event], None]

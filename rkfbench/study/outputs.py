@@ -49,6 +49,7 @@ def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> Non
     _write_plugins(folder / own.COPIES, own.copies(scenario.resolved))
     _write_filters(folder / "filters.csv", finished)
 
+    finished = [each for each in finished if each.labels]  # there is no block where every filter raised
     sweep = list(dict.fromkeys(column for each in finished for column in each.cell.point))
     series: list[dict[str, Any]] = []
     summary = list(_summary(finished, scenario, series))

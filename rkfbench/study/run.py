@@ -20,7 +20,7 @@ from rkfbench import own
 from rkfbench.errors import RkfbenchError, UsageError
 from rkfbench.store import blocks, files, manifest
 from rkfbench.store.lock import locked
-from rkfbench.study import plan
+from rkfbench.study import loops, plan
 from rkfbench.study.engines import Engine, serial
 from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report
 from rkfbench.study.jobs import Done, Job
@@ -87,6 +87,8 @@ def update(
         cases = dict.fromkeys(plan.name(unit.cell) for unit, was in wanted if was.reason == reason)
         report(Recomputing(tuple(cases), reason))
 
+    for note in loops.notes(wanted):
+        report(note)
     failures = tuple(_compute(wanted, scenario, engine, report))
     seconds = time.perf_counter() - begin
     times = {"started": started, "seconds": round(seconds, 3)}
