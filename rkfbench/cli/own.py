@@ -27,7 +27,9 @@ def add_to(app: typer.Typer) -> None:
 def check(
     terminal: Terminal,
     name: Annotated[str, typer.Argument(metavar="NAME", help="module:name or PATH.py:name, as in a scenario.")],
-    sets: Annotated[list[str], typer.Option("--set", metavar="PARAMETER=VALUE", help="A parameter of the filter.")] = [],
+    sets: Annotated[
+        list[str], typer.Option("--set", metavar="PARAMETER=VALUE", help="A parameter of the filter.")
+    ] = [],
     on: Annotated[
         str | None, typer.Option("--on", metavar="SCENARIO", help="Try it on the first case of this scenario.")
     ] = None,
@@ -88,7 +90,7 @@ def new(
 
     texts = templates.own_filter(name, batch) if what == What.filter else templates.scenario(name)
     if taken := [each for each in texts if Path(each).exists()]:
-        raise UsageError(f"{', '.join(taken)} exists already: choose another name")
+        raise UsageError(f"{', '.join(taken)} there already: nothing is written over, choose another name")
     for path, text in texts.items():
         files.write(Path(path), text)
         terminal.data(path)

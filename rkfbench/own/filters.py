@@ -202,6 +202,8 @@ class OneByOne:
                 self._called(where, filt.update, y, **({"k": k} if timed["update"] else {}))
             post = self._state(filt, n, where)
             yield {"prior_mean": prior[0], "prior_cov": prior[1], "mean": post[0], "cov": post[1]}
+            if not (np.isfinite(post[0]).all() and np.isfinite(post[1]).all()):  # the run is dead: it has failed
+                return
 
     def _called(self, place: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
         try:

@@ -1,12 +1,12 @@
 """Own models, noise laws, robust weights and metrics: what each must be, tried on a small example before anything runs.
 
-    model    a class (best derived from rkfbench.models.base.Smooth or Linear) with states, measurements, f and h, and F
-             and H where a filter wants Jacobians
-    noise    a class or function with a parameter `dim`, making an object with cov (dim, dim) and sample(draw, steps),
-             which draws from `draw` (normal, uniform, exponential) an array (steps, dim, draw.runs), or a Sample
-    weight   a function of nu, e, R, Szz, or a class that makes one: the inflated R' (m, m, M), or a Weighted
-    metric   a function of trial and states: the quantity at each step of each run (T, M); or of no trial, making the
-             parts of a metric as the catalogue's do
+model    a class (best derived from rkfbench.models.base.Smooth or Linear) with states, measurements, f and h, and F
+         and H where a filter wants Jacobians
+noise    a class or function with a parameter `dim`, making an object with cov (dim, dim) and sample(draw, steps),
+         which draws from `draw` (normal, uniform, exponential) an array (steps, dim, draw.runs), or a Sample
+weight   a function of nu, e, R, Szz, or a class that makes one: the inflated R' (m, m, M), or a Weighted
+metric   a function of trial and states: the quantity at each step of each run (T, M); or of no trial, making the
+         parts of a metric as the catalogue's do
 """
 
 from __future__ import annotations
@@ -242,5 +242,3 @@ class OwnQuantity:
         if values.shape != (T, M):
             raise PluginFault(f"{self.name} returned shape {values.shape}, expected {(T, M)}: a value a step and run")
         return values
-
-

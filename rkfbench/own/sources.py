@@ -82,7 +82,10 @@ def _files(root: Path, name: str) -> Iterator[tuple[str, Path]]:
     """The files of a dotted name below `root`: of each package on the way, and of the module itself."""
     parts = name.split(".")
     for end in range(1, len(parts) + 1 if all(parts) else 1):
-        for path in (root.joinpath(*parts[: end - 1], f"{parts[end - 1]}.py"), root.joinpath(*parts[:end], "__init__.py")):
+        for path in (
+            root.joinpath(*parts[: end - 1], f"{parts[end - 1]}.py"),
+            root.joinpath(*parts[:end], "__init__.py"),
+        ):
             if path.is_file():
                 yield ".".join(parts[:end]), path
 

@@ -75,7 +75,7 @@ def {name}(threshold: Annotated[float, Gt(0), "in standard deviations"] = 3.0):
     return GaussianFilter(moments=Taylor(), weight=Clip(threshold))
 '''
 
-SCENARIO = '''\
+SCENARIO = """\
 # rkfbench run {file}: tables, figures and report in results/{name}
 name: {name}
 seed: 1
@@ -98,7 +98,7 @@ filters:                                                        # rkfbench list 
 metrics: [err_norm, "rmse[px]"]                                 # rkfbench list metrics
 figures: [{{id: errors, kind: sweep, over: rate, metric: err_norm}}]
 tables: [{{id: errors, metric: err_norm}}]
-'''
+"""
 
 
 def own_filter(name: str, batch: bool) -> dict[str, str]:

@@ -39,7 +39,10 @@ def schema() -> Schema:
     properties["process_noise"] |= {"anyOf": [{"$ref": "#/$defs/Law"}, {"type": "null"}]}
     properties["truth"] |= {"anyOf": [{"const": "model"}, {"$ref": "#/$defs/Truth"}]}
     properties["disturbances"]["items"] = {"$ref": "#/$defs/Disturbance"}
-    properties["metrics"]["items"] = {"type": "string", "pattern": f"^({'|'.join(metrics.METRICS)}|[^:]+:\\w+)([(\\[@].*)?$"}
+    properties["metrics"]["items"] = {
+        "type": "string",
+        "pattern": f"^({'|'.join(metrics.METRICS)}|[^:]+:\\w+)([(\\[@].*)?$",
+    }
     head = Head.model_json_schema()
     definitions |= head.get("$defs", {})
     properties["filters"]["items"] = _filter(head["properties"])

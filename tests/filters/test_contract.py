@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
 import pytest
 
 from rkfbench import contract
@@ -41,6 +42,22 @@ def test_every_filter_of_the_catalogue_serves_some_problem():
 def test_every_filter_of_the_catalogue_keeps_the_contract(name, problem, check):
     filt = build(name, **arguments(name, problem.name))
     assert list(check(contract.Subject(filt, problem, name in RANDOMISED))) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        pytest.param(name, problem, id=f"{name} on {problem.name}")
+        for name in FILTERS
+        for problem in contract.problems()
+        if serves(name, problem.name) and name not in RANDOMISED
+    ],
+)
+def test_infinite_measurements_end_a_run(name, problem):
+    subject = contract.Subject(build(name, **arguments(name, problem.name)), problem)
+    y = subject.y.copy()
+    y[2:, :, 5] = np.inf
+    assert subject.estimate(y=y).failed[5]
 
 
 @pytest.mark.parametrize(
