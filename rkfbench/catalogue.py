@@ -93,14 +93,42 @@ def parameter_model(make: Callable[..., Any]) -> type[BaseModel]:
     return create_model(make.__name__, __config__=config, **fields)
 
 
+class Catalogue(dict[str, Entry]):
+    """A catalogue that plug-ins may add to: in the place of one of its names `module:name` may stand, or what an
+    installed package announces in the entry point group `rkfbench.<group>`.
+    """
+
+    def __init__(self, group: str, entries: Mapping[str, Entry]) -> None:
+        super().__init__(entries)
+        self.group = group
+
+
 def lookup(catalogue: Mapping[str, Entry], what: str, name: Any) -> Entry:
     """The entry called `name`; `what` ("filter", "noise law") is used in the message when there is none."""
     if not isinstance(name, str):
         raise SpecError(f"should be the name of a {what}, not {name!r}")
     if name not in catalogue:
+        if own := _plugin(catalogue, name):
+            return own
         known = did_you_mean(name, catalogue) or f" (known: {', '.join(catalogue)})"
         raise SpecError(f"unknown {what} '{name}'{known}")
     return catalogue[name]
+
+
+def find(catalogue: Mapping[str, Entry], name: Any) -> Entry | None:
+    """The entry called `name`; None where there is none, or one that cannot be used."""
+    try:
+        return lookup(catalogue, "", name)
+    except SpecError:
+        return None
+
+
+def _plugin(catalogue: Mapping[str, Entry], name: str) -> Entry | None:
+    if not isinstance(catalogue, Catalogue):
+        return None
+    from rkfbench.own.entry import entry
+
+    return entry(catalogue.group, name)
 
 
 def build(catalogue: Mapping[str, Entry], what: str, name: str, params: Mapping[str, Any]) -> Any:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rkfbench import parts, recorded
+from rkfbench import own, parts, recorded
 from rkfbench.errors import SpecError
 from rkfbench.filters import Filter, Known, Setting
 from rkfbench.linalg import Array
@@ -78,6 +78,8 @@ class Experiment:
     @classmethod
     def of(cls, spec: Mapping[str, Any]) -> Experiment:
         """The experiment that a cell's specification describes; SpecError with the paths of all faults found."""
+        if "plugins" in spec:
+            own.ready(**spec["plugins"])
         faults: list[SpecError] = []
         model, assumed_model = parts.models_of(spec)
         n, m = len(model.states), len(model.measurements)

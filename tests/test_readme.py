@@ -6,8 +6,11 @@ import re
 from pathlib import Path
 
 import numpy as np
+from typer.testing import CliRunner
 
+from rkfbench.cli.commands import app
 from rkfbench.scenario import load
+from rkfbench.store import Results
 from rkfbench.study.compute import compute
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -34,6 +37,23 @@ def test_the_python_example_runs():
     known = {"y": rng.standard_normal((20, 3)), "x0": np.zeros(4), "P0": np.eye(4), "Q": np.eye(4), "R": np.eye(3)}
     exec(block("python"), known)
     assert known["estimate"].mean.shape == (20, 4, 1)
+
+
+def test_the_own_filter_runs_beside_ours(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    source = next(each for each in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "# my_filter.py" in each)
+    assert len(source.splitlines()) <= 20
+    Path("my_filter.py").write_text(source, encoding="utf-8")
+    filters = next(
+        line.strip().partition("  ")[0] for line in README.splitlines() if "my_filter.py:clipped, th" in line
+    )
+    scenario = re.sub("(?m)^(filters|figures|tables|claims):.*$", "", block("yaml").partition("claims:")[0]) + filters
+    Path("my-outliers.yaml").write_text(scenario, encoding="utf-8")
+    result = CliRunner().invoke(app, ["run", "my-outliers.yaml", "--runs", "4"])
+    assert result.exit_code == 0, result.output
+    summary = Results.open(result.stdout.strip()).summary
+    assert {row["filter"] for row in summary} == {"kf", "hkf", "clipped[threshold=2]", "clipped[threshold=3]"}
+    assert CliRunner().invoke(app, ["check", "my_filter.py:clipped"]).exit_code == 0
 
 
 def test_the_figure_and_every_bundled_scenario_are_there():

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rkfbench.cli import claims, exchange, inspect, look
+from rkfbench.cli import claims, exchange, inspect, look, own
 from rkfbench.cli.common import command
 from rkfbench.cli.options import (
     Fresh,
@@ -300,3 +300,4 @@ claims.add_to(app)
 look.add_to(app)
 exchange.add_to(app)
 inspect.add_to(app)
+own.add_to(app)

@@ -111,9 +111,14 @@ def compare(
 def _catalogue(kind: str) -> dict[str, Any]:
     from importlib import import_module
 
+    from rkfbench.catalogue import find
+    from rkfbench.own.names import entry_points
+
     module, name = CATALOGUES[kind]
     catalogue: dict[str, Any] = getattr(import_module(module), name)
-    return catalogue
+    group = getattr(catalogue, "group", None)
+    installed = {each: find(catalogue, each) for each in (entry_points(group) if group else ())}
+    return {**catalogue, **{each: entry for each, entry in installed.items() if entry}}
 
 
 def _page(name: str, kind: str, entry: Any) -> dict[str, Any]:

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rkfbench.study.events import Event
+    from rkfbench.study.events import Event, Failure
 
 MOST_NAMED = 3  # cases that one line names
+MOST_FAILURES = 1  # of one filter that are told
 
 
 @dataclass
@@ -59,6 +61,7 @@ class Terminal:
     @contextmanager
     def progress(self, name: str) -> Iterator[Callable[[Event], None]]:
         """A listener to the events of the study called `name`."""
+        told: Counter[str] = Counter()
         with self._bar(name) as advance:
 
             def listen(event: Event) -> None:
@@ -70,12 +73,29 @@ class Terminal:
                         self.note(f"{name}: recomputing {which}: {reason}")
                     case events.Stopped(text):
                         self.note(f"{name}: {text}")
+                    case events.Looped():
+                        self.note(
+                            f"{name}: {event.filter} takes the runs one by one: {event.microseconds:.0f} us a run and "
+                            f"step, {event.ratio:.0f} times a Kalman filter on a batch, about "
+                            f"{max(event.seconds, 1):.0f} s in all on one core"
+                        )
                     case events.Failure():
-                        self.error(f"{name}: {event}" + (f"\n{event.traceback}" if self.verbose else ""))
+                        self._failure(name, event, told)
                     case _:
                         advance(event)
 
             yield listen
+        for filter_, count in told.items():
+            if count > MOST_FAILURES and not self.verbose:
+                self.error(f"{name}: filter {filter_}: {count - MOST_FAILURES} more failures (-v tells all)")
+
+    def _failure(self, name: str, event: Failure, told: Counter[str]) -> None:
+        """A filter that raises does so in every block: the first few are enough."""
+        told[event.filter] += 1
+        if self.verbose:
+            self.error(f"{name}: {event}\n{event.traceback}")
+        elif told[event.filter] <= MOST_FAILURES:
+            self.error(f"{name}: {event}")
 
     @contextmanager
     def _bar(self, name: str) -> Iterator[Callable[[Event], None]]:

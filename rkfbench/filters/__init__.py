@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rkfbench.catalogue import Entry
+from rkfbench.catalogue import Catalogue, Entry, find, lookup
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
 from rkfbench.filters import (
@@ -47,23 +47,29 @@ __all__ = [
     "placed",
 ]
 
-FILTERS: dict[str, Entry] = {
-    **linear.FILTERS,
-    **nonlinear.FILTERS,
-    **fpmcs.FILTERS,
-    **nrukf.FILTERS,
-    **adaptive.FILTERS,
-    **references.FILTERS,
-    **estimates.FILTERS,
-}
+FILTERS: dict[str, Entry] = Catalogue(
+    "filters",
+    {
+        **linear.FILTERS,
+        **nonlinear.FILTERS,
+        **fpmcs.FILTERS,
+        **nrukf.FILTERS,
+        **adaptive.FILTERS,
+        **references.FILTERS,
+        **estimates.FILTERS,
+    },
+)
 MOMENTS: dict[str, Entry] = {"linear": Entry(Linear), "taylor": Entry(Taylor), **sigma.MOMENTS}
-WEIGHTS: dict[str, Entry] = {
-    "none": Entry(Plain),
-    "huber": Entry(Huber, paper="aladkf-2020", equations="(9)-(11)"),
-    "least_absolute": Entry(LeastAbsolute, paper="aladkf-2020", equations="(37)-(38)"),
-    "correntropy": Entry(correntropy.Correntropy, paper="fpmcs-2024", equations="(2), (6)"),
-    **nrukf.WEIGHTS,
-}
+WEIGHTS: dict[str, Entry] = Catalogue(
+    "weights",
+    {
+        "none": Entry(Plain),
+        "huber": Entry(Huber, paper="aladkf-2020", equations="(9)-(11)"),
+        "least_absolute": Entry(LeastAbsolute, paper="aladkf-2020", equations="(37)-(38)"),
+        "correntropy": Entry(correntropy.Correntropy, paper="fpmcs-2024", equations="(2), (6)"),
+        **nrukf.WEIGHTS,
+    },
+)
 SCHEMES: dict[str, Entry] = {
     **schemes.SCHEMES,
     **flow.SCHEMES,
@@ -91,8 +97,8 @@ def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
         return _make(FILTERS, "filter", name, description, at="use")
     if (
         len(description) == 1
-        and (name := next(iter(description))) in FILTERS
-        and isinstance(description[name], Mapping)
+        and isinstance(description[name := next(iter(description))], Mapping)
+        and find(FILTERS, name)
     ):
         try:
             return _make(FILTERS, "filter", name, description[name])
@@ -105,11 +111,10 @@ def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
 
 
 def _make(catalogue: Mapping[str, Entry], what: str, name: Any, params: Mapping[str, Any], at: str = "") -> Any:
-    if name not in catalogue and at:
-        try:
-            return _build(catalogue, what, name, params)
-        except SpecError as error:
-            raise error.under(at) from None
+    try:
+        lookup(catalogue, what, name)
+    except SpecError as error:
+        raise error.under(*([at] if at else [])) from None
     return _build(catalogue, what, name, params)
 
 

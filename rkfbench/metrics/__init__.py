@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Interval
 
-from rkfbench.catalogue import Entry
+from rkfbench.catalogue import Catalogue, Entry
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
 from rkfbench.metrics import consistency, diagnostics, innovations, point
@@ -139,32 +139,35 @@ def outlier_rate(fifth: Annotated[int, Interval(ge=1, le=5), "1: the smallest la
     return {"quantity": OutlierRate(fifth=fifth)}
 
 
-METRICS: dict[str, Entry] = {
-    "err_norm": Entry(err_norm, paper="aladkf-2020", equations="(82)", needs=TRUTH),
-    "max_error": Entry(max_error, needs=TRUTH),
-    "mse": Entry(mse, needs=TRUTH),
-    "rmse": Entry(rmse, paper="pekf-2017", equations="(41), (43)", needs=TRUTH),
-    "pooled_rmse": Entry(pooled_rmse, needs=TRUTH),
-    "cond_S": Entry(cond_S, paper="aladkf-2020", equations="(42)-(44)"),
-    "cond_S_max": Entry(cond_S_max, paper="aladkf-2020", equations="(42)-(44)"),
-    "if_norm": Entry(if_norm, paper="aladkf-2020", equations="(59)-(77), (81)", needs=TRUTH),
-    "lambda_mean": Entry(lambda_mean, paper="aladkf-2020", equations="(38)"),
-    "lambda_auc": Entry(lambda_auc, paper="aladkf-2020", equations="(38)", needs=RECORD),
-    "outlier_rate": Entry(outlier_rate, paper="aladkf-2020", equations="(38)", needs=RECORD),
-    "share_46": Entry(share_46, paper="aladkf-2020", equations="(46)"),
-    "share_worse_given_46": Entry(share_worse_given_46, paper="aladkf-2020", equations="(46)-(47)"),
-    "cond_ratio_top_psi": Entry(cond_ratio_top_psi, paper="aladkf-2020", equations="(42)-(43)"),
-    "cond_S_top_lambda": Entry(cond_S_top_lambda, paper="aladkf-2020", equations="(43)-(44), (58)"),
-    "gradient_rest": Entry(gradient_rest, paper="aladkf-2020", equations="(24)"),
-    "argmin_distance": Entry(argmin_distance, paper="aladkf-2020", equations="(12), (36)"),
-    **diagnostics.METRICS,
-    **point.METRICS,
-    **consistency.METRICS,
-    **innovations.METRICS,
-}
+METRICS: dict[str, Entry] = Catalogue(
+    "metrics",
+    {
+        "err_norm": Entry(err_norm, paper="aladkf-2020", equations="(82)", needs=TRUTH),
+        "max_error": Entry(max_error, needs=TRUTH),
+        "mse": Entry(mse, needs=TRUTH),
+        "rmse": Entry(rmse, paper="pekf-2017", equations="(41), (43)", needs=TRUTH),
+        "pooled_rmse": Entry(pooled_rmse, needs=TRUTH),
+        "cond_S": Entry(cond_S, paper="aladkf-2020", equations="(42)-(44)"),
+        "cond_S_max": Entry(cond_S_max, paper="aladkf-2020", equations="(42)-(44)"),
+        "if_norm": Entry(if_norm, paper="aladkf-2020", equations="(59)-(77), (81)", needs=TRUTH),
+        "lambda_mean": Entry(lambda_mean, paper="aladkf-2020", equations="(38)"),
+        "lambda_auc": Entry(lambda_auc, paper="aladkf-2020", equations="(38)", needs=RECORD),
+        "outlier_rate": Entry(outlier_rate, paper="aladkf-2020", equations="(38)", needs=RECORD),
+        "share_46": Entry(share_46, paper="aladkf-2020", equations="(46)"),
+        "share_worse_given_46": Entry(share_worse_given_46, paper="aladkf-2020", equations="(46)-(47)"),
+        "cond_ratio_top_psi": Entry(cond_ratio_top_psi, paper="aladkf-2020", equations="(42)-(43)"),
+        "cond_S_top_lambda": Entry(cond_S_top_lambda, paper="aladkf-2020", equations="(43)-(44), (58)"),
+        "gradient_rest": Entry(gradient_rest, paper="aladkf-2020", equations="(24)"),
+        "argmin_distance": Entry(argmin_distance, paper="aladkf-2020", equations="(12), (36)"),
+        **diagnostics.METRICS,
+        **point.METRICS,
+        **consistency.METRICS,
+        **innovations.METRICS,
+    },
+)
 
 _NAME = re.compile(
-    r"(?P<name>\w+)(?:\((?P<params>[^()]*)\))?(?:\[(?P<states>[^\[\]]*)\])?(?:@(?P<at>k|lag|j(?:\+\d+)?|\d+(?:\.\.\d+)?))?"
+    r"(?P<name>(?:[^()\[\]@:]+:)?\w+)(?:\((?P<params>[^()]*)\))?(?:\[(?P<states>[^\[\]]*)\])?(?:@(?P<at>k|lag|j(?:\+\d+)?|\d+(?:\.\.\d+)?))?"
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rkfbench.catalogue import Entry, build_kind
+from rkfbench.catalogue import Catalogue, Entry, build_kind
 from rkfbench.models.altitude import Altitude
 from rkfbench.models.base import Linear, Model, Observed, wrap
 from rkfbench.models.falling_body import FallingBody
@@ -16,14 +16,17 @@ from rkfbench.models.ungm import UNGM
 
 __all__ = ["MODELS", "Linear", "Model", "Navigation", "Observed", "build", "wrap"]
 
-MODELS: dict[str, Entry] = {
-    "navigation": Entry(Navigation, paper="aladkf-2020", equations="(78)-(79)"),
-    "odometers": Entry(Odometers, paper="daf"),
-    "falling_body": Entry(FallingBody, paper="nrukf-2012"),
-    "range_bearing": Entry(RangeBearing, paper="pekf-2017", equations="(42)"),
-    "ungm": Entry(UNGM, paper="pekf-2017", equations="(44)"),
-    "altitude": Entry(Altitude, paper="pekf-2017", equations="(45)-(49)"),
-}
+MODELS: dict[str, Entry] = Catalogue(
+    "models",
+    {
+        "navigation": Entry(Navigation, paper="aladkf-2020", equations="(78)-(79)"),
+        "odometers": Entry(Odometers, paper="daf"),
+        "falling_body": Entry(FallingBody, paper="nrukf-2012"),
+        "range_bearing": Entry(RangeBearing, paper="pekf-2017", equations="(42)"),
+        "ungm": Entry(UNGM, paper="pekf-2017", equations="(44)"),
+        "altitude": Entry(Altitude, paper="pekf-2017", equations="(45)-(49)"),
+    },
+)
 
 
 def build(spec: Mapping[str, Any]) -> Model:

@@ -60,9 +60,12 @@ def wrap(angle: Array, period: float = 2 * np.pi) -> Array:
 
 
 class Smooth:
-    """The residual of every model: a plain difference, but for the components listed in `angles`."""
+    """The residual of every model: a plain difference, but for the components listed in `angles`. Not linear, unless a
+    subclass says so.
+    """
 
     angles: ClassVar[tuple[int, ...]] = ()
+    linear: ClassVar[bool] = False
 
     def residual(self, y: Array, z: Array) -> Array:
         """y - z, with the components in `angles` wrapped to [-pi, pi)."""

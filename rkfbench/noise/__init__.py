@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Gt, Interval, MinLen
 
-from rkfbench.catalogue import Entry, build_kind
+from rkfbench.catalogue import Catalogue, Entry, build_kind
 from rkfbench.errors import SpecError
 from rkfbench.linalg import Array
 from rkfbench.noise.base import Law, Sample
@@ -123,12 +123,15 @@ def mixture(
     return make
 
 
-LAWS: dict[str, Entry] = {
-    "gaussian": Entry(gaussian),
-    "laplace": Entry(laplace, paper="aladkf-2020", equations="(80)"),
-    "contaminated": Entry(contaminated, paper="aladkf-2020", equations="(8), (80)"),
-    "mixture": Entry(mixture, paper="fpmcs-2024", equations="section 3"),
-}
+LAWS: dict[str, Entry] = Catalogue(
+    "noises",
+    {
+        "gaussian": Entry(gaussian),
+        "laplace": Entry(laplace, paper="aladkf-2020", equations="(80)"),
+        "contaminated": Entry(contaminated, paper="aladkf-2020", equations="(8), (80)"),
+        "mixture": Entry(mixture, paper="fpmcs-2024", equations="section 3"),
+    },
+)
 
 
 def build(spec: Mapping[str, Any], dim: int, body: Law | None = None) -> Law:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rkfbench.catalogue import Entry, parameters
+from rkfbench.catalogue import Entry, find, parameters
 from rkfbench.filters import FILTERS, MOMENTS, SCHEMES, WEIGHTS
 from rkfbench.models import MODELS
 from rkfbench.models.truths import TRUTHS
@@ -50,8 +50,8 @@ def completed_filter(spec: Any) -> Any:
     for part, catalogue in PARTS.items():
         if part in new:
             new[part] = _completed_part(catalogue, new[part])
-    for name in new.keys() & FILTERS.keys():
-        if isinstance(new[name], dict):
+    for name in new.keys() - PARTS.keys():
+        if isinstance(new[name], dict) and find(FILTERS, name):
             new[name] = {**defaults(FILTERS, name), **new[name]}
             if "filter" in new[name]:
                 new[name]["filter"] = completed_filter(new[name]["filter"])
@@ -60,9 +60,9 @@ def completed_filter(spec: Any) -> Any:
 
 def defaults(catalogue: Mapping[str, Entry], name: Any) -> dict[str, Any]:
     """The default of every parameter that has one; None stands for a parameter left out. Unknown names have none."""
-    if not isinstance(name, str) or name not in catalogue:
+    if (entry := find(catalogue, name)) is None:
         return {}
-    given = {key: each.default for key, each in parameters(catalogue[name].make).items() if each.default is not None}
+    given = {key: each.default for key, each in parameters(entry.make).items() if each.default is not None}
     return {key: list(value) if isinstance(value, tuple) else value for key, value in given.items()}
 
 

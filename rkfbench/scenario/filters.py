@@ -16,9 +16,10 @@ from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import Field
 
-from rkfbench.catalogue import Entry, check, parameters
+from rkfbench.catalogue import Entry, check, find, parameters
 from rkfbench.errors import SpecError
 from rkfbench.filters import FILTERS
+from rkfbench.own import short
 from rkfbench.scenario.defaults import PARTS
 from rkfbench.scenario.display import Strict
 from rkfbench.scenario.override import graft
@@ -72,7 +73,7 @@ def _entry(written: Any, at: Mark) -> Map:
         raise SpecError("a filter is a name or a mapping such as {use: hkf, threshold: 2}")
     if "label" in written:
         return written
-    name = written.get("use") or next((key for key in written if key in FILTERS), None)
+    name = short(written.get("use") or next((key for key in written if find(FILTERS, key)), None))
     if not isinstance(name, str):
         raise SpecError("needs a label, because it has no name of its own")
     return graft(written, "label", name, at)
@@ -84,7 +85,7 @@ def _each_value(entry: Map, at: Mark) -> Iterator[Map]:
     for values in product(*(values for _, values in listed)):
         each = entry
         for (path, _), (value, place) in zip(listed, values, strict=True):
-            each = graft(each, ".".join(path), value, place)
+            each = graft(each, path, value, place)
         if listed:
             shown = ",".join(f"{path[-1]}={value}" for (path, _), (value, _) in zip(listed, values, strict=True))
             each = graft(each, "label", f"{entry['label']}[{shown}]", at)
@@ -103,16 +104,16 @@ def _entries(spec: Any) -> Iterator[tuple[tuple[str, ...], Entry, Map]]:
     """The catalogue entries in a filter's specification: path of its parameters, entry, parameters."""
     if not isinstance(spec, Map):
         return
-    if isinstance(name := spec.get("use"), str) and name in FILTERS:
-        yield (), FILTERS[name], spec
+    if entry := find(FILTERS, spec.get("use")):
+        yield (), entry, spec
     for part, catalogue in PARTS.items():
         if isinstance(chosen := spec.get(part), Map):
             for name, params in chosen.items():
-                if name in catalogue and isinstance(params, Map):
-                    yield (part, name), catalogue[name], params
+                if isinstance(params, Map) and (entry := find(catalogue, name)):
+                    yield (part, name), entry, params
     for name, params in spec.items():
-        if name in FILTERS and isinstance(params, Map):
-            yield (name,), FILTERS[name], params
+        if name not in PARTS and isinstance(params, Map) and (entry := find(FILTERS, name)):
+            yield (name,), entry, params
             for path, entry, inner in _entries(params.get("filter")):
                 yield (name, "filter", *path), entry, inner
 

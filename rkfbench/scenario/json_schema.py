@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rkfbench import metrics
-from rkfbench.catalogue import Entry, parameter_model
+from rkfbench.catalogue import Catalogue, Entry, parameter_model
 from rkfbench.filters import FILTERS
 from rkfbench.scenario.attached import SIMULATED
 from rkfbench.scenario.defaults import KINDS, PARTS
@@ -19,6 +19,7 @@ from rkfbench.scenario.schema import ScenarioFile
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 Schema = dict[str, Any]
+PLUGIN: Schema = {"type": "string", "pattern": "^[^:]+:[A-Za-z_]\\w*$", "description": "module:name or file.py:name"}
 
 
 def schema() -> Schema:
@@ -33,13 +34,17 @@ def schema() -> Schema:
         "Disturbance": "disturbances",
     }.items():
         extra = {"label": {"type": "string"}} if name == "Disturbance" else {}
-        definitions[name] = {"anyOf": [_kind(each, entry, extra) for each, entry in KINDS[key].items()]}
+        forms = [_kind(each, entry, extra) for each, entry in KINDS[key].items()]
+        definitions[name] = {"anyOf": forms + ([_plugin("kind")] if isinstance(KINDS[key], Catalogue) else [])}
     properties["model"] |= {"$ref": "#/$defs/Model"}
     properties["measurement_noise"] |= {"$ref": "#/$defs/Law"}
     properties["process_noise"] |= {"anyOf": [{"$ref": "#/$defs/Law"}, {"type": "null"}]}
     properties["truth"] |= {"anyOf": [{"const": "model"}, {"$ref": "#/$defs/Truth"}]}
     properties["disturbances"]["items"] = {"$ref": "#/$defs/Disturbance"}
-    properties["metrics"]["items"] = {"type": "string", "pattern": f"^({'|'.join(metrics.METRICS)})([(\\[@].*)?$"}
+    properties["metrics"]["items"] = {
+        "type": "string",
+        "pattern": f"^({'|'.join(metrics.METRICS)}|[^:]+:\\w+)([(\\[@].*)?$",
+    }
     head = Head.model_json_schema()
     definitions |= head.get("$defs", {})
     properties["filters"]["items"] = _filter(head["properties"])
@@ -81,9 +86,14 @@ def _kind(name: str, entry: Entry, extra: Schema) -> Schema:
     return _object(properties, ["kind", *own.get("required", [])], entry.summary)
 
 
+def _plugin(key: str) -> Schema:
+    """A mapping in which a plug-in stands for a name; what else it may hold, its own signature says."""
+    return _object({key: PLUGIN}, [key], "A plug-in.") | {"additionalProperties": True}
+
+
 def _filter(head: Schema) -> Schema:
     """A name, `{use: name, parameters}`, `{moments:, weight:, update:}`, or a filter around another one."""
-    forms = [{"enum": list(FILTERS)}]
+    forms = [{"enum": list(FILTERS)}, PLUGIN, _plugin("use")]
     for name, entry in FILTERS.items():
         own = parameter_model(entry.make).model_json_schema()
         listed = {key: _or_list(value) for key, value in own["properties"].items()}
@@ -99,6 +109,8 @@ def _filter(head: Schema) -> Schema:
 def _part(catalogue: Mapping[str, Entry]) -> Schema:
     """`name` or `{name: {parameters}}`."""
     forms: list[Schema] = [{"enum": list(catalogue)}]
+    if isinstance(catalogue, Catalogue):
+        forms += [PLUGIN, _object({}, [], "A plug-in.") | {"propertyNames": PLUGIN, "additionalProperties": True}]
     for name, entry in catalogue.items():
         own = parameter_model(entry.make).model_json_schema()
         listed = {key: _or_list(value) for key, value in own["properties"].items()}

@@ -7,10 +7,12 @@ the line of the reading, one that came from an option names the option.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from dataclasses import replace
 from functools import cache
 from pathlib import Path as FilePath
 from typing import Any
 
+from rkfbench import own
 from rkfbench.catalogue import check
 from rkfbench.errors import Path, Problem, ScenarioError, SpecError, UsageError
 from rkfbench.scenario import attached, files, yaml
@@ -47,8 +49,10 @@ def load(
     problems: list[Problem] = []
     document = _with_options(document, sets, sweeps, runs, seed, problems)
     document = attached.absolute(attached.with_estimates(document, estimates or {}), path.parent)
+    plugins = path.absolute().parent / str(document.get("plugins") or "")
+    own.beside(plugins)
     file = _checked(document, problems)
-    cells = list(_cells(document, problems))
+    cells = [_pinned(cell, plugins) for cell in _cells(document, problems)]
     if file is not None and not problems:
         file = _with_runs(file, document, cells, problems)
         faults = list(unknown_names(file, cells, columns(list(file.sweep)), _paper(file, document)))
@@ -71,6 +75,7 @@ def load(
         paper_runs=file.runs.paper,
         reference_runs=file.runs.reference,
         file=files.display(path),
+        plugins=plugins,
         columns=tuple(columns(list(file.sweep))),
         cells=tuple(cell for cell in cells if cell.switch is None),
         sensitivity=tuple(cell for cell in cells if cell.switch is not None),
@@ -195,6 +200,14 @@ def _cells(document: Map, problems: list[Problem]) -> Iterator[Cell]:
         problems += located(document, [fault], *place)
 
 
+def _pinned(cell: Cell, plugins: FilePath) -> Cell:
+    """The cell with the plug-ins that it names, and what must not change while they are used."""
+    sources = own.pins(cell.spec)
+    if not sources:
+        return cell
+    return replace(cell, spec={**cell.spec, "plugins": {"folder": str(plugins), "sources": sources}})
+
+
 def _resolved(document: Map, file: ScenarioFile) -> dict[str, Any]:
     """The document with every default written out, but for parts whose kind an override changes."""
     written = yaml.plain(document)
@@ -205,4 +218,7 @@ def _resolved(document: Map, file: ScenarioFile) -> dict[str, Any]:
     rekinded = {path.split(".")[0] for path in overridden if path.endswith((".kind", ".use"))}
     complete = completed_kinds(document) | {"filters": [completed_filter(each) for each in document["filters"]]}
     full = {**written, **settings, **complete} | {key: written[key] for key in rekinded}
+    full.pop("plugins", None)
+    if own.copies(full):
+        full["plugins"] = own.COPIES
     return {key: full[key] for key in (*META, *ScenarioFile.model_fields) if key in full}

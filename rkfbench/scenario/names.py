@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 
 from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.own import short
 from rkfbench.scenario import claims, display
 from rkfbench.scenario.claims import Claim
 from rkfbench.scenario.display import Figure, NameUse, Table, case_matches
@@ -55,7 +56,7 @@ def _uses(item: Claim | Figure | Table) -> Iterator[NameUse]:
 def known_names(cells: Sequence[Cell], columns: Sequence[str]) -> dict[str, list[str]]:
     """Every name of each kind, in the order of the scenario."""
     filters = [each for cell in cells for each in cell.spec["filters"]]
-    parameters = [f"{each['use']}.{key}" for each in filters if "use" in each for key in each if key != "use"]
+    parameters = [f"{short(each['use'])}.{key}" for each in filters if "use" in each for key in each if key != "use"]
     names = {
         "metric": [*(metric for cell in cells for metric in cell.spec["metrics"]), *COUNTED],
         "filter": [each["label"] for each in filters],

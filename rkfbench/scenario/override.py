@@ -7,24 +7,26 @@ the document, so that a stored scenario can be run again without the options tha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.own import short
 from rkfbench.scenario.yaml import Map, Mark, Seq, marked
 
 
-def graft(node: Map, path: str, value: Any, at: Mark) -> Map:
+def graft(node: Map, path: str | Sequence[str], value: Any, at: Mark) -> Map:
     """`node` with `value` at `path`, standing at `at`; None removes the key. SpecError where the path leads nowhere."""
-    return _graft(node, path.split("."), marked(value, at), at)
+    return _graft(node, path.split(".") if isinstance(path, str) else list(path), marked(value, at), at)
 
 
 def entry_name(entry: Any) -> str | None:
     """The name by which an entry of a list (a filter, a metric, a disturbance) is addressed."""
     if isinstance(entry, str):
-        return entry
+        return str(short(entry))
     if isinstance(entry, dict):
         name = next((entry[key] for key in ("label", "id", "use", "kind") if key in entry), None)
-        return name if isinstance(name, str) else None
+        return short(name) if isinstance(name, str) else None
     return None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rkfbench.scenario.claims import Claim
@@ -37,6 +38,7 @@ class Scenario:
     paper_runs: int
     reference_runs: int
     file: str
+    plugins: Path  # the folder of plug-ins that are files
     columns: tuple[str, ...]  # of the sweeps
     cells: tuple[Cell, ...]
     sensitivity: tuple[Cell, ...]

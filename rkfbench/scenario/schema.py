@@ -199,6 +199,9 @@ class ScenarioFile(Experiment):
     )
     seed: int = Field(default=0, ge=0, description="seed of all random streams")
     runs: Runs = Field(default=Runs(), description="numbers of Monte Carlo runs")
+    plugins: Text | None = Field(
+        default=None, description="folder of own filters, models ... that are files; default: that of this file"
+    )
     readings: dict[str, Overrides] = Field(default={}, description="ways to read the paper; the first is the headline")
     sensitivity: dict[str, Overrides] = Field(default={}, description="switches changed one at a time")
     cases: dict[Annotated[str, Field(pattern="^[^,=]+$")], Overrides] = Field(

@@ -7,7 +7,7 @@ on how many those are.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from rkfbench.experiment import Experiment
 from rkfbench.filters import Estimate
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric, Trial
+from rkfbench.own.filters import OneByOne
 from rkfbench.streams import GROUP, Remembered, Streams
 from rkfbench.study.blocks import block_size
 from rkfbench.study.wide import Case, estimates, worlds
@@ -56,9 +57,9 @@ def together(
 
     The cells share what is drawn, and go through a filter as one batch where that changes no bit.
     """
-    experiments = [Experiment.of(spec) for spec in specs]
+    first, last = _runs_of(specs[0]["steps"], block, runs)
+    experiments = [_narrowed(Experiment.of(spec), last - first) for spec in specs]
     experiment = experiments[0]
-    first, last = _runs_of(experiment.steps, block, runs)
     groups = first // GROUP, -(-(last - first) // GROUP)
     streams = Streams(seed, *groups) if len(specs) == 1 else Remembered(seed, *groups)
     cases = worlds(experiments, streams)
@@ -78,6 +79,15 @@ def together(
             results.append(_reduce(case, label, estimate, others, last - first))
         passed[label] = [None if each is None else each.passed for each in found]
         yield label, results
+
+
+def _narrowed(experiment: Experiment, runs: int) -> Experiment:
+    """The experiment whose filters that take the runs one by one leave out those that nobody wants."""
+    filters = {
+        label: (filt.first(runs) if isinstance(filt, OneByOne) else filt, told)
+        for label, (filt, told) in experiment.filters.items()
+    }
+    return replace(experiment, filters=filters)
 
 
 def sharing(spec: Mapping[str, Any], labels: Sequence[str], partners: bool = True) -> list[tuple[str, ...]]:

@@ -24,6 +24,18 @@ class Recomputing:
 
 
 @dataclass(frozen=True)
+class Looped:
+    """A filter of one run is looped over the runs: microseconds a run and step, how many times that of a Kalman filter
+    on a batch of runs, and about how many seconds of one core in all.
+    """
+
+    filter: str
+    microseconds: float
+    ratio: float
+    seconds: float
+
+
+@dataclass(frozen=True)
 class BlockDone:
     """A block is on the disk."""
 
@@ -62,5 +74,5 @@ class Stopped:
     text: str
 
 
-Event = Planned | Recomputing | BlockDone | CaseDone | Failure | Stopped
+Event = Planned | Recomputing | Looped | BlockDone | CaseDone | Failure | Stopped
 Report = Callable[[Event], None]

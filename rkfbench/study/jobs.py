@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from rkfbench.own.faults import told
 from rkfbench.store.blocks import Array, Curve, Part
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def stream(job: Job) -> Iterator[Done]:
         return
     except Exception as error:
         if job.size == 1:
-            fault = Fault(f"{type(error).__name__}: {error}", traceback.format_exc())
+            fault = Fault(told(error), traceback.format_exc())
             yield Done({}, {(job.units[0], job.labels[0]): fault}, time.perf_counter() - begin)
             return
     for label in left:

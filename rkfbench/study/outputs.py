@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rkfbench import metrics
+from rkfbench import metrics, own
 from rkfbench.scenario.attached import carried
 from rkfbench.scenario.yaml import dump
 from rkfbench.store import blocks, files
@@ -51,8 +51,10 @@ def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> Non
     with files.writing(folder):
         resolved = carried(scenario.resolved, folder)
     files.write(folder / "scenario.yaml", dump(resolved))
+    _write_plugins(folder / own.COPIES, own.copies(scenario.resolved))
     _write_filters(folder / "filters.csv", finished)
 
+    finished = [each for each in finished if each.labels]  # there is no block where every filter raised
     sweep = list(dict.fromkeys(column for each in finished for column in each.cell.point))
     series: list[dict[str, Any]] = []
     summary = list(_summary(finished, scenario, series))
@@ -63,6 +65,16 @@ def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> Non
     )
     names = list(dict.fromkeys(row["metric"] for row in summary))
     files.write_csv(folder / "runs.csv", [*KEYS, *names], _runs(finished, names))
+
+
+def _write_plugins(folder: Path, copies: Mapping[str, bytes]) -> None:
+    """The files of plug-ins, so that the stored scenario can be run again; those of an earlier run go away."""
+    for path in [each for each in folder.rglob("*") if each.is_file()]:
+        if path.relative_to(folder).as_posix() not in copies:
+            with files.writing(path):
+                path.unlink()
+    for name, content in copies.items():
+        files.write(folder / name, content)
 
 
 def _summary(
@@ -179,6 +191,7 @@ def _parameters(spec: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
             if isinstance(value, Mapping):
                 yield from _parameters(value, f"{column}.")
             else:
+                value = own.short(value) if column == "name" else value
                 yield column, json.dumps(value) if isinstance(value, list) else value
 
 

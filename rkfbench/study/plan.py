@@ -15,7 +15,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rkfbench import metrics
+from rkfbench import metrics, own
 from rkfbench.store import blocks, files, manifest
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ COMPUTE = (
         "catalogue.py",
         "experiment.py",
         "linalg.py",
+        "own",
         "parts.py",
         "recorded.py",
         "recording.py",
@@ -108,7 +109,7 @@ def units(scenario: Scenario, folder: Path, full: bool) -> Iterator[Unit]:
 
 def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
     """For each filter of a cell the key of its numbers, but for the runs."""
-    shared = {key: value for key, value in spec.items() if key not in ("filters", "metrics", "data")}
+    shared = {key: value for key, value in spec.items() if key not in ("filters", "metrics", "data", "plugins")}
     filters = {
         each["label"]: digest({k: v for k, v in _contents(each).items() if k not in ("extra", "timing")})
         for each in spec["filters"]
@@ -122,7 +123,16 @@ def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
     }
     if spec.get("data"):
         common["data"] = digest(_contents(spec["data"]))
-    return {label: {**common, "filter": own} for label, own in filters.items()}
+    return {label: {**common, "filter": one, **_plugins(spec, label)} for label, one in filters.items()}
+
+
+def _plugins(spec: Mapping[str, Any], label: str) -> Key:
+    """The hashes of the plug-ins that the numbers of a filter come from: all but those of the other filters."""
+    sources = spec.get("plugins", {}).get("sources", {})
+    mine = [each for each in spec["filters"] if each["label"] == label]
+    named = set(own.texts({**spec, "filters": mine, "plugins": None}))
+    found = {name: digest for name, digest in sources.items() if name in named}
+    return {"plugins": found} if found else {}
 
 
 def _contents(spec: Mapping[str, Any]) -> dict[str, Any]:
@@ -191,6 +201,9 @@ _REASONS = {
 
 
 def _difference(label: str, old: Mapping[str, Any], new: Key) -> str:
+    was = old.get("plugins", {})
+    if changed := [name for name, digest in new.get("plugins", {}).items() if was.get(name, digest) != digest]:
+        return f"source of {', '.join(changed)} changed"
     for entry, reason in _REASONS.items():
         if old.get(entry) != new.get(entry):
             return reason

@@ -16,11 +16,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rkfbench import own
 from rkfbench.errors import RkfbenchError, UsageError
 from rkfbench.store import blocks, files, manifest
 from rkfbench.store.blocks import Part
 from rkfbench.store.lock import locked, shared
-from rkfbench.study import plan
+from rkfbench.study import loops, plan
 from rkfbench.study.engines import Engine, serial
 from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report, Stopped
 from rkfbench.study.packing import packed
@@ -113,11 +114,11 @@ def compute_shard(
     with shared(folder):
         begin = time.perf_counter()
         units = list(plan.units(scenario, folder, full))
-        own = [unit for i, unit in enumerate(units) if shard.has(i)]
-        computed, failures = _compute_missing(own, scenario, engine, _but_cases(report))
+        its_own = [unit for i, unit in enumerate(units) if shard.has(i)]
+        computed, failures = _compute_missing(its_own, scenario, engine, _but_cases(report))
         left = sum(not unit.path.exists() for unit in units)
         seconds = time.perf_counter() - begin
-    return Outcome(folder, computed, len(own) - computed, False, failures, seconds, scenario.runs, left)
+    return Outcome(folder, computed, len(its_own) - computed, False, failures, seconds, scenario.runs, left)
 
 
 def _but_cases(report: Report) -> Report:
@@ -174,6 +175,9 @@ def _compute_missing(
     for reason in dict.fromkeys(was.reason for _, was in wanted if was.reason):
         cases = dict.fromkeys(plan.name(unit.cell) for unit, was in wanted if was.reason == reason)
         report(Recomputing(tuple(cases), reason))
+    own.beside(scenario.plugins)
+    for note in loops.notes(wanted):
+        report(note)
     return len(wanted), tuple(_compute(wanted, scenario, engine, report))
 
 

@@ -44,12 +44,13 @@ def measure(
         for metric in forms:
             steps, scale = min(T, STEPS[metric]), scale_of[metric]
             for label in labels:
-                seconds = _seconds(experiment, world, label, runs_of[metric], steps)
+                time_taken = seconds(experiment, world, label, runs_of[metric], steps)
                 if repeat >= 0:
-                    yield Time(case, repeat, label, metric, seconds / steps * scale)
+                    yield Time(case, repeat, label, metric, time_taken / steps * scale)
 
 
-def _seconds(experiment: Experiment, world: World, label: str, runs: slice, steps: int) -> float:
+def seconds(experiment: Experiment, world: World, label: str, runs: slice, steps: int) -> float:
+    """The time that a filter takes for some of the runs and the first steps."""
     filt: Any
     filt, told = experiment.filters[label]
     if getattr(filt, "target", None) is not None:  # a smoother of one point: the same share of the steps around it

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -33,6 +34,7 @@ class Scenario:
     title: str = "A toy study"
     paper: str | None = None
     seed: int = 7
+    plugins: Path = Path()
     runs: int = 10
     cells: tuple[Cell, ...] = ()
     sensitivity: tuple[Cell, ...] = ()

@@ -1,0 +1,244 @@
+"""Own models, noise laws, robust weights and metrics: what each must be, tried on a small example before anything runs.
+
+model    a class (best derived from rkfbench.models.base.Smooth or Linear) with states, measurements, f and h, and F
+         and H where a filter wants Jacobians
+noise    a class or function with a parameter `dim`, making an object with cov (dim, dim) and sample(draw, steps),
+         which draws from `draw` (normal, uniform, exponential) an array (steps, dim, draw.runs), or a Sample
+weight   a function of nu, e, R, Szz, or a class that makes one: the inflated R' (m, m, M), or a Weighted
+metric   a function of trial and states: the quantity at each step of each run (T, M); or of no trial, making the
+         parts of a metric as the catalogue's do
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rkfbench.errors import SpecError
+from rkfbench.filters.weights import Weighted
+from rkfbench.linalg import Array
+from rkfbench.metrics.base import Metric, Trial
+from rkfbench.noise import Law, Sample
+from rkfbench.own.faults import PluginFault
+from rkfbench.streams import Streams
+
+Adapted = tuple[Callable[[Mapping[str, Any]], Any], tuple[str, ...]]
+WEIGHED = ("nu", "e", "R", "Szz")
+QUANTITY = ("keep", "partners", "steps")
+SAMPLES = 3  # runs of the small examples
+
+
+def _tried(name: str, what: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    try:
+        with np.errstate(all="ignore"):
+            return function(*arguments)
+    except SpecError:
+        raise
+    except Exception as error:
+        raise SpecError(f"{what} of {name} raised {type(error).__name__}: {error}") from error
+
+
+def _expect(name: str, what: str, value: Any, *shapes: tuple[int, ...]) -> None:
+    if np.shape(value) not in shapes:
+        expected = " or ".join(map(str, dict.fromkeys(shapes)))
+        raise SpecError(f"{what} of {name} has shape {np.shape(value)}, expected {expected}")
+
+
+def model(name: str, target: Any, signature: Collection[str]) -> Adapted:
+    """An own model: made, then asked once for everything that filters ask."""
+
+    def make(params: Mapping[str, Any]) -> Any:
+        made = target(**params)
+        for attribute in ("states", "measurements", "linear", "f", "h", "residual"):
+            if not hasattr(made, attribute):
+                raise SpecError(
+                    f"{name} makes a {type(made).__name__} without `{attribute}`: "
+                    "derive its class from rkfbench.models.base.Smooth or Linear"
+                )
+        for attribute in ("states", "measurements"):
+            names = getattr(made, attribute)
+            if not (isinstance(names, tuple) and names and all(isinstance(each, str) for each in names)):
+                raise SpecError(f"`{attribute}` of {name} is not a tuple of names")
+        n, m = len(made.states), len(made.measurements)
+        for shape in ((n, SAMPLES), (n, 2, SAMPLES)):  # runs, and points of each run
+            x = np.linspace(0.5, 1.0, int(np.prod(shape))).reshape(shape)
+            before = x.copy()
+            _expect(name, "f", _tried(name, "f", made.f, x, 1), (n, *shape[1:]))
+            z = _tried(name, "h", made.h, x, 1)
+            _expect(name, "h", z, (m, *shape[1:]))
+            _expect(name, "the residual", _tried(name, "the residual", made.residual, z, z), (m, *shape[1:]))
+            if not np.array_equal(x, before):
+                raise SpecError(f"f or h of {name} changes x in place")
+        x = np.linspace(0.5, 1.0, n * SAMPLES).reshape(n, SAMPLES)
+        for jacobian, rows in (("F", n), ("H", m)):
+            if hasattr(made, jacobian):
+                J = _tried(name, jacobian, getattr(made, jacobian), x, 1)
+                _expect(name, jacobian, J, (rows, n), (rows, n, SAMPLES))
+        return made
+
+    return make, ()
+
+
+def noise(name: str, target: Any, signature: Collection[str]) -> Adapted:
+    """An own noise law: what the catalogue's entries make, a function of the dimension and the law of the body."""
+    if "dim" not in signature:
+        raise SpecError(f"{name} has no parameter `dim`, the dimension of the noise")
+    given = tuple(each for each in ("dim", "body") if each in signature)
+
+    def make(params: Mapping[str, Any]) -> Callable[[int, Law | None], Law]:
+        def of(dim: int, body: Law | None) -> Law:
+            told = {"dim": dim, "body": body}
+            made = _tried(name, "the making", lambda: target(**{key: told[key] for key in given}, **params))
+            return OwnLaw(name, made, dim)
+
+        return of
+
+    return make, given
+
+
+@dataclass(frozen=True, eq=False)
+class OwnLaw:
+    """A plug-in's law with its samples checked."""
+
+    name: str
+    law: Any
+    dim: int
+    cov: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        for attribute in ("cov", "sample"):
+            if not hasattr(self.law, attribute):
+                raise SpecError(f"{self.name} makes a {type(self.law).__name__} without `{attribute}`")
+        C = np.array(self.law.cov, dtype=float)
+        _expect(self.name, "cov", C, (self.dim, self.dim))
+        if not np.allclose(C, C.T) or np.linalg.eigvalsh(C)[0] < -1e-9 * np.abs(C).max():
+            raise SpecError(f"cov of {self.name} is not a covariance: symmetric and without negative eigenvalues")
+        object.__setattr__(self, "cov", C)
+        one, two = (_tried(self.name, "sample", self.sample, Streams(0), 2).value for _ in range(2))
+        if not np.array_equal(one, two, equal_nan=True):
+            raise SpecError(
+                f"sample of {self.name} gives other values each time: it must draw from `draw` (draw.normal, "
+                "draw.uniform, draw.exponential), not from random numbers of its own"
+            )
+
+    @property
+    def parts(self) -> Mapping[str, Array]:
+        """Covariances that the law can name."""
+        parts: Mapping[str, Array] = getattr(self.law, "parts", {})
+        return parts
+
+    def sample(self, draw: Streams, steps: int) -> Sample:
+        """Noise of `steps` steps for the runs of the stream."""
+        drawn = self.law.sample(draw, steps)
+        sample = drawn if isinstance(drawn, Sample) else Sample(np.asarray(drawn, dtype=float), self._no_record)
+        if sample.value.shape != (steps, self.dim, draw.runs):
+            expected = (steps, self.dim, draw.runs)
+            raise SpecError(f"sample of {self.name} has shape {sample.value.shape}, expected {expected}")
+        return sample
+
+    def logpdf(self, e: Array) -> Array:
+        """Log density at e (d, ...)."""
+        if not hasattr(self.law, "logpdf"):
+            raise PluginFault(f"{self.name} has no `logpdf`, which this filter needs")
+        return np.asarray(self.law.logpdf(e))
+
+    def _no_record(self) -> Array:
+        raise PluginFault(f"{self.name} returns no Sample with the record of its draws, which this filter needs")
+
+
+def weight(name: str, target: Any, signature: Collection[str]) -> Adapted:
+    """An own robust weight."""
+    if "nu" not in signature:
+        return (lambda params: OwnWeight(name, target(**params))), ()
+    if lacking := [each for each in WEIGHED if each not in signature]:
+        raise SpecError(f"{name} lacks the parameters {', '.join(lacking)}: a weight is a function of nu, e, R, Szz")
+
+    def make(params: Mapping[str, Any]) -> OwnWeight:
+        def weighted(nu: Array, e: Array, R: Array, Szz: Array) -> Any:
+            return target(nu=nu, e=e, R=R, Szz=Szz, **params)
+
+        return OwnWeight(name, weighted)
+
+    return make, WEIGHED
+
+
+@dataclass(frozen=True)
+class OwnWeight:
+    """A plug-in's weight with its answers checked."""
+
+    name: str
+    weight: Any
+
+    def __post_init__(self) -> None:
+        if not callable(self.weight):
+            raise SpecError(f"{self.name} makes a {type(self.weight).__name__}, not a function of nu, e, R, Szz")
+
+    @property
+    def sees(self) -> frozenset[str]:
+        """What its updates show beside nu and S."""
+        return frozenset(getattr(self.weight, "sees", ()))
+
+    def __call__(self, nu: Array, e: Array, R: Array, Szz: Array) -> Weighted:
+        result = self.weight(nu, e, R, Szz)
+        found = result if isinstance(result, Weighted) else Weighted(np.asarray(result, dtype=float), nu)
+        (m, M), shape = nu.shape, np.shape(found.R)
+        if shape not in ((m, m), (m, m, 1), (m, m, M)):
+            raise PluginFault(f"{self.name} returned an R of shape {shape}, expected {(m, m, M)} or {(m, m, 1)}")
+        if np.shape(found.nu) != (m, M):
+            raise PluginFault(f"{self.name} returned a nu of shape {np.shape(found.nu)}, expected {(m, M)}")
+        return found if len(shape) == 3 else found._replace(R=found.R[..., None])
+
+
+def metric(name: str, target: Any, signature: Collection[str]) -> Adapted:
+    """An own metric: the quantity itself, or the parts of a metric as the catalogue's functions give them."""
+    if "trial" in signature:
+        if "states" not in signature:
+            raise SpecError(f"{name} lacks the parameter `states`, the indices of the states that are asked for")
+        keep = frozenset(getattr(target, "keep", ()))
+
+        def make(params: Mapping[str, Any]) -> dict[str, Any]:
+            return {"quantity": OwnQuantity(name, target, tuple(params.items()), keep)}
+
+        return make, ("trial", "states")
+
+    def parts(params: Mapping[str, Any]) -> dict[str, Any]:
+        made = target(**params)
+        if not isinstance(made, dict) or "quantity" not in made:
+            raise SpecError(f"{name} makes no parts of a metric: a mapping with `quantity`, and perhaps `reduce`")
+        lacking = [each for each in QUANTITY if not hasattr(made["quantity"], each)]
+        if lacking or not callable(made["quantity"]):
+            raise SpecError(f"the quantity of {name} lacks {', '.join(lacking) or '__call__'}")
+        try:
+            Metric(name, **made)
+        except TypeError as error:
+            raise SpecError(f"{name} makes no parts of a metric: {error}") from error
+        return made
+
+    return parts, ()
+
+
+@dataclass(frozen=True)
+class OwnQuantity:
+    """A plug-in's function of a trial as a quantity at each step."""
+
+    name: str
+    function: Callable[..., Any]
+    params: tuple[tuple[str, Any], ...]
+    keep: frozenset[str]
+    partners: ClassVar[Mapping[str, frozenset[str]]] = MappingProxyType({})
+
+    def steps(self, T: int) -> NDArray[np.intp]:
+        """Every step."""
+        return np.arange(1, T + 1)
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        values = np.asarray(self.function(trial=trial, states=states, **dict(self.params)), dtype=float)
+        T, M = len(trial.estimate.mean), trial.world.y.shape[2]
+        if values.shape != (T, M):
+            raise PluginFault(f"{self.name} returned shape {values.shape}, expected {(T, M)}: a value a step and run")
+        return values

@@ -1,0 +1,120 @@
+"""The start of an own filter or scenario: short, working, commented."""
+
+from __future__ import annotations
+
+import keyword
+import re
+
+from rkfbench.errors import UsageError
+
+ONE_RUN = '''\
+"""{name}: a filter of one run. `rkfbench check {name}.py:{name}` tries it, `rkfbench run {name}.yaml` compares it."""
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+
+class {name}:
+    """Kalman filter whose innovations are clipped at some standard deviations."""
+
+    # Behind the first five, every parameter can be set in a scenario: {{use: {name}.py:{name}, threshold: 2}}.
+    def __init__(self, model, x0, P0, Q, R, threshold: Annotated[float, Gt(0), "in standard deviations"] = 3.0):
+        self.model, self.Q, self.R, self.threshold = model, Q, R, threshold
+        self.x, self.P = x0, P0  # mean (n,) and covariance (n, n); read after each step
+
+    def predict(self, k):
+        """From step k - 1 to step k."""
+        F = self.model.F(self.x, k)  # the Jacobian of f, or the matrix of a linear model
+        self.x = self.model.f(self.x, k)
+        self.P = F @ self.P @ F.T + self.Q
+
+    def update(self, y, k):
+        """With the measurement y (m,); not called where all of it is missing."""
+        H = self.model.H(self.x, k)
+        S = H @ self.P @ H.T + self.R
+        K = np.linalg.solve(S, H @ self.P).T
+        nu = self.model.residual(y, self.model.h(self.x, k))  # y - h(x), angles wrapped
+        limit = self.threshold * np.sqrt(np.diag(S))
+        self.x = self.x + K @ np.clip(nu, -limit, limit)
+        self.P = self.P - K @ S @ K.T
+'''
+
+BATCH = '''\
+"""{name}: a filter of all runs at once. `rkfbench check {name}.py:{name}` tries it, `rkfbench run {name}.yaml` compares it."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from rkfbench.filters import GaussianFilter
+from rkfbench.filters.moments import Taylor
+from rkfbench.filters.weights import Weighted
+
+
+@dataclass(frozen=True)
+class Clip:
+    """The robust weight: innovations nu (m, M) are clipped. M runs are the last axis of every array."""
+
+    threshold: float
+    sees = frozenset()
+
+    def __call__(self, nu, e, R, Szz):
+        S = Szz + (R if R.ndim == 3 else R[..., None])
+        limit = self.threshold * np.sqrt(np.einsum("iim->im", S))
+        return Weighted(R, np.clip(nu, -limit, limit))
+
+
+# The parameters can be set in a scenario: {{use: {name}.py:{name}, threshold: 2}}. Any object with the method
+# run(model, y, x0, P0, *, Q, R, keep, known, streams) -> rkfbench.filters.Estimate is a filter; this one is made of parts.
+def {name}(threshold: Annotated[float, Gt(0), "in standard deviations"] = 3.0):
+    """Kalman filter whose innovations are clipped at some standard deviations."""
+    return GaussianFilter(moments=Taylor(), weight=Clip(threshold))
+'''
+
+SCENARIO = """\
+# rkfbench run {file}: tables, figures and report in results/{name}
+name: {name}
+seed: 1
+runs: {{paper: 100, reference: 1000}}
+steps: 100
+model: {{kind: navigation, dt: 0.5, observed: [px, py, vx]}}      # rkfbench list models
+start: {{truth: [1, 1, 1, 1]}}
+process_noise: {{kind: gaussian, cov: 1}}
+measurement_noise:                                              # what is simulated: some outliers
+  kind: contaminated
+  rate: 0.1
+  body: {{kind: gaussian, cov: 1}}
+  outliers: {{kind: laplace, cov: {{times: 100, of: body}}}}
+assumed: {{mean: [0, 0, 0, 0], cov: 1, measurement_cov: body}}    # what the filters are told
+sweep: {{measurement_noise.rate: [0, 0.1, 0.3]}}
+filters:                                                        # rkfbench list filters
+  - kf
+  - hkf
+{own}
+metrics: [err_norm, "rmse[px]"]                                 # rkfbench list metrics
+figures: [{{id: errors, kind: sweep, over: rate, metric: err_norm}}]
+tables: [{{id: errors, metric: err_norm}}]
+"""
+
+
+def own_filter(name: str, batch: bool) -> dict[str, str]:
+    """The file of a filter, and a scenario that runs it beside kf and hkf: by file name."""
+    if not name.isidentifier() or keyword.iskeyword(name):
+        raise UsageError(f"'{name}' cannot be the name of a Python function or class")
+    own = f"  - {{use: {name}.py:{name}, threshold: 3}}"
+    return {
+        f"{name}.py": (BATCH if batch else ONE_RUN).format(name=name),
+        f"{name}.yaml": SCENARIO.format(name=name.strip("_") or "own", file=f"{name}.yaml", own=own),
+    }
+
+
+def scenario(name: str) -> dict[str, str]:
+    """A scenario, by file name."""
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name):
+        raise UsageError(f"'{name}' cannot name a results folder: letters, digits, `_`, `.` and `-`")
+    own = "  # - {use: my_filter.py:my_filter, threshold: 3}               your own: rkfbench new filter my_filter"
+    return {f"{name}.yaml": SCENARIO.format(name=name, file=f"{name}.yaml", own=own)}

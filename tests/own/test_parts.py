@@ -1,0 +1,110 @@
+"""Own models, noise laws, robust weights and metrics, by themselves and in an experiment."""
+
+import numpy as np
+import pytest
+
+from rkfbench import metrics, models, noise
+from rkfbench.errors import SpecError
+from rkfbench.filters import build
+from rkfbench.own.faults import PluginFault
+from rkfbench.streams import Streams
+from rkfbench.study.compute import compute
+from tests.contract import SPECS
+from tests.problems import linear_problem
+
+SPEC = {**SPECS["navigation"], "filters": [{"label": "kf", "use": "kf"}]}
+
+
+def test_a_model_is_used_like_any_other(folder):
+    model = models.build({"kind": "plugins:Walk", "step": 0.9})
+    y = np.ones((5, 1, 3))
+    told = {"x0": np.ones(2), "P0": np.eye(2), "Q": np.eye(2), "R": np.eye(1)}
+    for name in ("ekf", "ukf", "plugins:stepwise"):
+        assert np.isfinite(build(name).run(model, y, **told).mean).all()
+    with pytest.raises(SpecError, match="greater than 0"):
+        models.build({"kind": "plugins:Walk", "step": 0})
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("plugins:Flat", r"h of plugins:Flat has shape \(3,\), expected \(1, 3\)"),
+        ("plugins:Bare", "without `measurements`"),
+        ("plugins:student", "dim: is required"),
+        ("plugins.py:nothing", "no 'nothing'"),
+    ],
+)
+def test_what_makes_no_model_is_told(folder, kind, message):
+    with pytest.raises(SpecError, match=message):
+        models.build({"kind": kind})
+
+
+def test_a_law_is_used_like_any_other_also_as_a_body(folder):
+    law = noise.build({"kind": "plugins:student", "nu": 6}, 2)
+    np.testing.assert_allclose(law.cov, 1.5 * np.eye(2))
+    value = law.sample(Streams(1), 50).value
+    assert value.shape == (50, 2, 128)
+    np.testing.assert_array_equal(law.sample(Streams(1), 20).value, value[:20])
+    mixed = {"kind": "contaminated", "rate": 0.1, "body": {"kind": "plugins:student"}}
+    mixed["outliers"] = {"kind": "gaussian", "cov": {"times": 100, "of": "body"}}
+    assert noise.build(mixed, 2).sample(Streams(1), 5).value.shape == (5, 2, 128)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("plugins:wild", "gives other values each time"),
+        ("plugins:narrow", r"sample of plugins:narrow has shape \(2, 128\), expected \(2, 2, 128\)"),
+        ("plugins:lopsided", "not a covariance"),
+        ("plugins:whole", "no parameter `dim`"),
+    ],
+)
+def test_what_makes_no_law_is_told(folder, kind, message):
+    with pytest.raises(SpecError, match=message):
+        noise.build({"kind": kind}, 2)
+
+
+def test_what_a_law_does_not_have_is_told_where_it_is_needed(folder):
+    law = noise.build({"kind": "plugins:student"}, 2)
+    with pytest.raises(PluginFault, match="no `logpdf`"):
+        law.logpdf(np.zeros(2))
+    with pytest.raises(PluginFault, match="no Sample with the record"):
+        law.sample(Streams(1), 2).cov()
+
+
+def test_a_weight_combines_with_moments(folder):
+    problem = linear_problem()
+    spec = {"moments": "linear", "weight": {"plugins:inflate": {"c": 1e9}}}
+    mine, kf = (build(each).run(problem.model, problem.y, **problem.told) for each in (spec, "kf"))
+    np.testing.assert_allclose(mine.mean, kf.mean, atol=1e-9)
+    robust = build({"moments": "unscented", "weight": "plugins:inflate"}).run(problem.model, problem.y, **problem.told)
+    assert np.abs(robust.mean - kf.mean).max() > 1
+    with pytest.raises(PluginFault, match=r"plugins:thin returned an R of shape \(3, 1\), expected"):
+        build({"moments": "linear", "weight": "plugins:thin"}).run(problem.model, problem.y, **problem.told)
+
+
+def test_metrics_are_reduced_like_any_other(folder):
+    names = [
+        "plugins:largest",
+        "plugins.py:largest(power=2)[px,py]@3",
+        "plugins:largest@k",
+        "plugins:spread",
+        "err_norm",
+    ]
+    result = compute({**SPEC, "metrics": names}, 1, 0, 128, ["kf"]).filters["kf"]
+    curve = result.curves["plugins:largest@k"]
+    np.testing.assert_allclose(result.values["plugins:largest"], curve.mean(0))
+    assert (result.values["plugins:largest"] <= result.values["err_norm"]).all()
+    assert (result.values["plugins.py:largest(power=2)[px,py]@3"] <= curve[2] ** 2 + 1e-12).all()
+    assert np.ptp(result.values["plugins:spread"]) == 0
+
+
+@pytest.mark.parametrize("name", ["plugins:nothing", "plugins:largest(power=a)", "plugins:no_run"])
+def test_what_makes_no_metric_is_told(folder, name):
+    with pytest.raises(SpecError):
+        metrics.get(name)
+
+
+def test_a_metric_of_the_wrong_shape_is_told(folder):
+    with pytest.raises(PluginFault, match=r"plugins:short returned shape \(3,\), expected \(12, 128\)"):
+        compute({**SPEC, "metrics": ["plugins:short"]}, 1, 0, 128, ["kf"])

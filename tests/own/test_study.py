@@ -1,0 +1,156 @@
+"""Own filters in a study: resume by the hash of their sources, worker processes, stored scenarios, faults."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from rkfbench.scenario import load
+from rkfbench.store import Results
+from rkfbench.study import engines
+from rkfbench.study.events import Looped, Recomputing
+from rkfbench.study.run import run_study
+from tests.conftest import SMALL
+from tests.test_cli import rkfbench
+
+FILTERS = "filters: [kf, {use: plugins.py:stepwise, inflate: [1, 4]}, plugins:whole]"
+OWN = SMALL.replace("filters: [kf, {use: hkf, threshold: 2}]", FILTERS)
+
+
+@pytest.fixture
+def scenario(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(folder)
+    path = folder / "small.yaml"
+    path.write_text(OWN)
+    return path
+
+
+def study(path, folder, **more):
+    events = []
+    outcome = run_study(load(path), folder, report=events.append, **more)
+    return outcome, [event.reason for event in events if isinstance(event, Recomputing)], events
+
+
+def test_own_filters_stand_beside_the_catalogues(scenario, tmp_path):
+    _, _, events = study(scenario, tmp_path / "r")
+    results = Results.open(tmp_path / "r")
+    kf, mine, whole = (
+        results.values("default", "rate=0.4", label, "err_norm") for label in ("kf", "stepwise[inflate=1]", "whole")
+    )
+    assert kf == pytest.approx(mine, rel=1e-9)
+    assert kf == pytest.approx(whole, rel=1e-9)
+    looped = [event for event in events if isinstance(event, Looped)]
+    assert [event.filter for event in looped] == ["stepwise[inflate=1]", "stepwise[inflate=4]", "whole"]
+    assert all(event.ratio > 1 and event.seconds > 0 for event in looped)
+
+
+def test_numbers_are_used_again_until_the_source_changes(scenario, tmp_path):
+    study(scenario, tmp_path / "r")
+    assert study(scenario, tmp_path / "r")[0].computed == 0
+    (scenario.parent / "unrelated.py").write_text("")
+    assert study(scenario, tmp_path / "r")[0].computed == 0
+    with (scenario.parent / "helper.py").open("a") as file:
+        file.write("# better\n")
+    outcome, reasons, _ = study(scenario, tmp_path / "r")
+    assert (outcome.computed, reasons) == (2, ["source of plugins.py:stepwise changed"])
+
+
+def test_only_the_numbers_of_the_changed_filter_are_computed(scenario, tmp_path, monkeypatch):
+    (scenario.parent / "other.py").write_text(
+        "from rkfbench.filters import build\n\n\ndef mine():\n    return build('kf')\n"
+    )
+    scenario.write_text(OWN.replace("plugins:whole", "other:mine"))
+    study(scenario, tmp_path / "r")
+    with (scenario.parent / "other.py").open("a") as file:
+        file.write("# better\n")
+    jobs = []
+
+    def engine(work):
+        jobs.extend(work)
+        return engines.serial(work)
+
+    study(scenario, tmp_path / "r", engine=engine)
+    assert {job.labels for job in jobs} == {("mine",)}
+
+
+def test_worker_processes_find_the_plugins_and_give_the_same_bytes(scenario, tmp_path):
+    study(scenario, tmp_path / "a")
+    study(scenario, tmp_path / "b", engine=lambda jobs: engines.processes(jobs, 2))
+    for name in ("runs.csv", "summary.csv", "series.csv", "scenario.yaml"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_the_stored_scenario_runs_again_elsewhere(scenario, tmp_path, tmp_path_factory):
+    study(scenario, tmp_path / "r")
+    assert yaml.safe_load((tmp_path / "r/scenario.yaml").read_text())["plugins"] == "plugins"
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "r"
+    (tmp_path / "r").rename(elsewhere)
+    for name in ("plugins.py", "helper.py"):
+        (scenario.parent / name).unlink()
+    before = (elsewhere / "runs.csv").read_bytes()
+    outcome, _, _ = study(elsewhere / "scenario.yaml", elsewhere)
+    assert outcome.computed == 0
+    outcome, _, _ = study(elsewhere / "scenario.yaml", elsewhere, fresh=True)
+    assert (outcome.computed, (elsewhere / "runs.csv").read_bytes()) == (2, before)
+    assert sorted(path.name for path in (elsewhere / "plugins").iterdir()) == ["helper.py", "plugins.py"]
+
+
+def test_a_scenario_without_plugins_is_stored_as_before(tmp_path, small):
+    study(small, tmp_path / "r")
+    assert "plugins" not in (tmp_path / "r/scenario.yaml").read_text()
+    assert not (tmp_path / "r/plugins").exists()
+
+
+def test_another_folder_of_plugins_can_be_named(scenario, tmp_path):
+    (tmp_path / "deep").mkdir()
+    inner = tmp_path / "deep/small.yaml"
+    inner.write_text(OWN + "plugins: ..\n")
+    assert [each["use"] for each in load(inner).cells[0].spec["filters"]][1] == "plugins.py:stepwise"
+
+
+def test_own_parts_are_named_in_overrides_and_figures(scenario):
+    scenario.write_text(
+        OWN + "figures: [{id: f, kind: sweep, over: stepwise.inflate, metric: err_norm}]\n"
+        "cases: {normal: {}, heavy: {measurement_noise: {kind: 'plugins:student', nu: 3},"
+        " assumed.measurement_cov: law}}\n"
+    )
+    scenario.write_text(scenario.read_text().replace("sweep: {measurement_noise.rate: [0, 0.4]}\n", ""))
+    heavy = load(scenario, sets=["filters.whole.label=other"]).cells[1].spec
+    assert set(heavy["plugins"]["sources"]) == {"plugins.py:stepwise", "plugins:whole", "plugins:student"}
+    assert heavy["measurement_noise"] == {"kind": "plugins:student", "nu": 3}
+    assert heavy["filters"][-1]["label"] == "other"
+
+
+def test_an_error_in_a_plugin_is_told_at_its_line_and_nothing_runs(scenario):
+    scenario.write_text(OWN.replace("plugins:whole", "plugins:whale").replace("inflate: [1, 4]", "inflate: [1, -4]"))
+    result = rkfbench("run", scenario)
+    assert result.exit_code == 2
+    assert "small.yaml:16:55: filters.stepwise[inflate=-4].inflate: should be greater than 0" in result.stderr
+    assert "small.yaml:16:62: filters.whale.use: plugins has no 'whale' (did you mean 'whole'?)" in result.stderr
+    assert not Path("results").exists()
+
+
+def test_a_plugin_that_raises_is_one_message_and_the_others_complete(scenario):
+    scenario.write_text(OWN.replace("plugins:whole", "plugins:in_place"))
+    result = rkfbench("run", scenario)
+    assert result.exit_code == 1
+    told = [line for line in result.stderr.splitlines() if "in_place" in line]
+    assert told[0] == (
+        "small: case rate=0 (default), filter in_place, block 0: plugins:in_place in run 0 changes its argument y in "
+        "place (x = x + d instead of x += d leaves it as it is)"
+    )
+    assert told[1:] == ["small: filter in_place: 1 more failures (-v tells all)"]
+    assert {row["filter"] for row in Results.open("results/small").summary} == {
+        "kf",
+        "stepwise[inflate=1]",
+        "stepwise[inflate=4]",
+    }
+
+
+def test_nothing_is_left_to_write_when_every_filter_raises(scenario):
+    scenario.write_text(SMALL.replace("[kf, {use: hkf, threshold: 2}]", "[plugins:transposed]"))
+    result = rkfbench("run", scenario)
+    assert result.exit_code == 1
+    assert "returned means of shape (4, 12), expected (12, 4)" in result.stderr
+    assert json.loads(Path("results/small/manifest.json").read_text())["incomplete"]
