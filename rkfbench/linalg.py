@@ -63,6 +63,12 @@ def finite(x: Array) -> bool:
     return isfinite(np.vdot(x, x))
 
 
+def exp(x: Array) -> Array:
+    """exp(x) in the place of x, but never below 1e-304: NumPy takes five times as long where a number underflows."""
+    np.maximum(x, -700.0, out=x)
+    return np.asarray(np.exp(x, out=x))
+
+
 def plus(A: Array, B: Array) -> Array:
     """A + B of every run, in the place of A where that is wide enough: for an A that nobody else holds."""
     return np.add(A, B, out=A) if A.shape[-1] >= B.shape[-1] else A + B

@@ -19,12 +19,13 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Interval
+from numpy.typing import NDArray
 
 from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate, Known, Setting
 from rkfbench.filters.recursion import History, prepare
 from rkfbench.filters.smoothing import SEES, At, Lag, Start, ends, point
-from rkfbench.linalg import Array
+from rkfbench.linalg import Array, exp
 from rkfbench.models import Model
 from rkfbench.noise import Gaussian, Law
 from rkfbench.noise.matrices import factor
@@ -234,9 +235,9 @@ class _Cloud:
         e = self.model.residual(y[..., None], self.model.h(self.x, k))
         self.log += self._likelihood(e, ~np.isnan(y))
         top = self.log.max(-1)
-        self.dead |= ~np.isfinite(top) | ~np.isfinite(self.x).all((0, 2))
+        self.dead |= ~np.isfinite(top + self.x.sum((0, 2)))
         self.log -= np.where(self.dead, 0.0, top)[:, None]
-        W = np.exp(self.log)
+        W = exp(self.log.copy())
         W /= W.sum(-1, keepdims=True)
         if self.dead.any():
             W[self.dead] = np.nan
@@ -261,7 +262,7 @@ class _Cloud:
         x = self.x if of is None else of
         found = {}
         if {f"{prefix}mean", f"{prefix}cov"} & {*names}:
-            found[f"{prefix}mean"] = mean = np.einsum("imp,mp->im", x, self.weights)
+            found[f"{prefix}mean"] = mean = np.matmul(x.swapaxes(0, 1), self.weights[..., None])[..., 0].T
             if f"{prefix}cov" in names:
                 d = x - mean[..., None]
                 found[f"{prefix}cov"] = np.matmul(
@@ -281,19 +282,28 @@ class _Cloud:
         to each one.
         """
         u = self.offset.uniform("offset")
-        runs = np.flatnonzero((self.size < self.threshold) & ~self.dead)
-        if not len(runs):
+        low = (self.size < self.threshold) & ~self.dead
+        if not low.any():
             return
-        upto = np.cumsum(self.weights[runs], axis=-1)
-        upto = np.ceil(self.particles * upto - u[runs, None]).astype(np.intp).clip(0, self.particles)
-        upto[:, -1] = self.particles
-        places = (runs[:, None] * self.particles + np.arange(self.particles)).ravel()
-        chosen = np.repeat(places, np.diff(upto, axis=-1, prepend=0).ravel())
-        for A in (self.x,) if self.copy is None else (self.x, self.copy):
-            for each in A:
-                each[runs] = each.take(chosen).reshape(len(runs), -1)
-        self.log[runs] = 0.0
-        self.weights[runs] = 1 / self.particles
+        M, N = self.log.shape
+        upto = np.cumsum(self.weights, axis=-1)
+        upto *= N
+        upto -= u[:, None]
+        np.minimum(np.ceil(upto, out=upto), N, out=upto)
+        upto[:, -1] = N
+        upto[~low] = np.arange(1, N + 1)  # every particle once
+        upto += N * np.arange(M)[:, None]
+        # the particle at each place is the number of those before it, of which one after the other is done with
+        chosen = np.cumsum(np.bincount(upto.astype(np.intp).ravel(), minlength=M * N)[: M * N])
+        self.x = self._taken(self.x, chosen)
+        if self.copy is not None:
+            self.copy = self._taken(self.copy, chosen)
+        self.log[low] = 0.0
+        self.weights[low] = 1 / N
+
+    @staticmethod
+    def _taken(x: Array, chosen: NDArray[np.intp]) -> Array:
+        return x.reshape(len(x), -1).take(chosen, axis=1).reshape(x.shape)
 
 
 def pf(particles: Particles = 500, likelihood: Likelihood = "law", ess: Ess = 0.5) -> ParticleFilter:

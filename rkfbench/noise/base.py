@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rkfbench.linalg import Array
+from rkfbench.linalg import Array, dot, mul, whitening
 from rkfbench.streams import Streams
 
 
@@ -89,6 +89,9 @@ class Law(Protocol):
 
 def gaussian_logpdf(e: Array, C: Array) -> Array:
     """log N(e; 0, C) for e (d, ...) and one covariance C (d, d)."""
-    L = np.linalg.cholesky(C)
-    z = np.linalg.solve(L, e.reshape(len(e), -1)).reshape(e.shape)
-    return -0.5 * (z * z).sum(0) - np.log(np.diag(L)).sum() - 0.5 * len(C) * np.log(2 * np.pi)
+    L, inverse = whitening(C, "cholesky")
+    z = mul(inverse, e)
+    density = dot(z, z)
+    density *= -0.5
+    density -= np.log(np.diag(L)).sum() + 0.5 * len(C) * np.log(2 * np.pi)
+    return density

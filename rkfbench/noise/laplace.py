@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rkfbench.linalg import Array
+from rkfbench.linalg import Array, dot, mul, whitening
 from rkfbench.noise.base import Sample
 from rkfbench.noise.matrices import factor
 from rkfbench.streams import Streams
@@ -49,9 +49,9 @@ class LaplaceMixture:
         """
         from scipy.special import kve
 
-        L = np.linalg.cholesky(self.C)
-        z = np.linalg.solve(L, e.reshape(self.dim, -1)).reshape(e.shape)
-        q = (z * z).sum(0)
+        L, inverse = whitening(self.C, "cholesky")
+        z = mul(inverse, e)
+        q = dot(z, z)
         nu = 1 - self.dim / 2
         r = np.sqrt(2 * q)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -96,7 +96,7 @@ class LaplaceIndependent:
 
     def logpdf(self, e: Array) -> Array:
         """sum_i log exp(-sqrt 2 |l_i|)/sqrt 2 - log|C|/2, l = C^(-1/2) e."""
-        l = np.linalg.solve(self.root, e.reshape(self.dim, -1)).reshape(e.shape)  # noqa: E741
+        l = mul(np.linalg.inv(self.root), e)  # noqa: E741
         return -np.sqrt(2) * np.abs(l).sum(0) - 0.5 * self.dim * np.log(2) - 0.5 * np.linalg.slogdet(self.C)[1]
 
     def marginal(self, rows: Array) -> LaplaceIndependent:

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from rkfbench.linalg import Array
+from rkfbench.linalg import Array, exp
 from rkfbench.noise.base import Sample, gaussian_logpdf
 from rkfbench.noise.matrices import factor
 from rkfbench.streams import Streams
@@ -67,7 +67,8 @@ class GaussianMixture:
             variance = self._pick(label, list(scales[:, None, :, None] ** 2))
             return variance[:, :, None] * np.eye(self.dim)[..., None]
 
-        return Sample(self._pick(label, list(scales[:, None, :, None])) * g, cov, flags=label > 0)
+        g *= self._pick(label, list(scales[:, None, :, None]))
+        return Sample(g, cov, flags=label > 0)
 
     def _label(self, u: Array) -> np.ndarray:
         """Which part each uniform number chooses."""
@@ -94,10 +95,7 @@ class GaussianMixture:
             return np.logaddexp.reduce(
                 [np.log(p) + gaussian_logpdf(e, C) for p, C in zip(self.weights, self.covs, strict=True)], axis=0
             )
-        total = np.zeros(e.shape[1:])
-        for ei, variances in zip(e, np.einsum("kii->ik", self.covs), strict=True):
-            total += self._log_density(ei, variances)
-        return total
+        return sum(map(self._log_density, e, np.einsum("kii->ik", self.covs)), start=np.zeros(()))
 
     def _log_density(self, e: Array, variances: Array) -> Array:
         """log sum_k p_k N(e; 0, s_k^2), relative to the widest part: its own term is a constant, so nothing underflows
@@ -105,12 +103,18 @@ class GaussianMixture:
         """
         height = self.weights / np.sqrt(2 * np.pi * variances)
         widest = int(np.argmax(variances))
-        half = -0.5 * (e * e)
-        density = np.full(e.shape, height[widest])
+        half = e * e
+        half *= -0.5
+        density: Any = height[widest]
         for k in range(len(variances)):
             if k != widest:
-                density += height[k] * np.exp(half * (1 / variances[k] - 1 / variances[widest]))
-        return np.log(density, out=density) + half / variances[widest]
+                part = exp(half * (1 / variances[k] - 1 / variances[widest]))
+                part *= height[k]
+                part += density
+                density = part
+        half /= variances[widest]
+        half += np.log(density)
+        return half
 
     def marginal(self, rows: Array) -> GaussianMixture:
         """The law of some components."""
