@@ -88,9 +88,13 @@ def report(
     """Make tables, figures and report again from results folders; runs no filter."""
     from rkfbench.report.page import write_report
     from rkfbench.report.render import render
+    from rkfbench.store import manifest
+    from rkfbench.store.lock import locked
 
     for folder in folders:
-        render(folder)
+        manifest.read(folder)  # only a results folder gets a lock
+        with locked(folder):
+            render(folder)
     for path in write_report(folders, out or folders[0]):
         terminal.data(str(path))
 

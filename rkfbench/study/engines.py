@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 
 from rkfbench import blas
 from rkfbench.errors import RkfbenchError
 from rkfbench.study.jobs import Done, Job, work
 
-Engine = Callable[[Sequence[Job]], Iterator[Done]]
+Engine = Callable[[Sequence[Job]], Generator[Done]]  # whoever stops before its end closes it
 
 START_UP = 3.0  # seconds of work that make starting worker processes worth their start-up
 
@@ -33,12 +35,12 @@ def engine(jobs: int | None) -> Engine:
     return serial if jobs == 1 else partial(processes, workers=jobs)
 
 
-def serial(jobs: Sequence[Job]) -> Iterator[Done]:
+def serial(jobs: Sequence[Job]) -> Generator[Done]:
     """One job after the other, in this process."""
-    return map(work, jobs)
+    yield from map(work, jobs)
 
 
-def automatic(jobs: Sequence[Job]) -> Iterator[Done]:
+def automatic(jobs: Sequence[Job]) -> Generator[Done]:
     """Begin in this process; hand the rest to all cores as soon as the time measured so far says that it pays."""
     begin = time.perf_counter()
     for done, job in enumerate(jobs, start=1):
@@ -49,7 +51,7 @@ def automatic(jobs: Sequence[Job]) -> Iterator[Done]:
             return
 
 
-def processes(jobs: Sequence[Job], workers: int) -> Iterator[Done]:
+def processes(jobs: Sequence[Job], workers: int) -> Generator[Done]:
     """`workers` processes on this machine (started by spawn: no state is inherited)."""
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -57,10 +59,11 @@ def processes(jobs: Sequence[Job], workers: int) -> Iterator[Done]:
 
     blas.one_thread()
     pool = ProcessPoolExecutor(
-        min(workers, len(jobs)) or 1, mp_context=multiprocessing.get_context("spawn"), initializer=_ignore_interrupts
+        min(workers, len(jobs)) or 1, mp_context=multiprocessing.get_context("spawn"), initializer=_serve
     )
     try:
-        futures = [pool.submit(work, job) for job in jobs]
+        with _interrupts_held():  # submitting starts the workers
+            futures = [pool.submit(work, job) for job in jobs]
         for future in as_completed(futures):
             yield future.result()
     except BrokenProcessPool as error:
@@ -77,6 +80,28 @@ def processes(jobs: Sequence[Job], workers: int) -> Iterator[Done]:
     pool.shutdown()
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; only the driver answers it."""
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """A Ctrl-C that comes now is answered afterwards. Processes started here hold theirs too, until they `_serve`:
+    Ctrl-C reaches every process of a terminal, and one that is still importing would answer with a traceback.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _serve() -> None:
+    """In a worker: leave Ctrl-C to the driver, and end with the driver, however that ends."""
+    import multiprocessing
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    driver = multiprocessing.parent_process()
+
+    def follow() -> None:
+        if driver is not None:
+            driver.join()
+            os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()

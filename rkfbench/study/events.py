@@ -24,6 +24,13 @@ class Recomputing:
 
 
 @dataclass(frozen=True)
+class Spoiled:
+    """Files of the folder that are not what was written there; they are made again."""
+
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class BlockDone:
     """A block is on the disk."""
 
@@ -55,5 +62,5 @@ class Failure:
         return f"case {self.case}, filter {self.filter}, block {self.block}: {self.message}"
 
 
-Event = Planned | Recomputing | BlockDone | CaseDone | Failure
+Event = Planned | Recomputing | Spoiled | BlockDone | CaseDone | Failure
 Report = Callable[[Event], None]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
@@ -21,7 +21,7 @@ from rkfbench.store import blocks, files, manifest
 from rkfbench.store.lock import locked
 from rkfbench.study import plan
 from rkfbench.study.engines import Engine, serial
-from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report
+from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report, Spoiled
 from rkfbench.study.jobs import Done, Job
 from rkfbench.study.plan import Stored, Unit
 
@@ -87,6 +87,10 @@ def update(
 
     failures = tuple(_compute(wanted, scenario, engine, report))
     seconds = time.perf_counter() - begin
+    if spoiled := manifest.spoiled(folder):
+        report(Spoiled(tuple(spoiled)))
+        for name in spoiled:  # made again: the tables below, the others by those who make them
+            _remove(folder / name)
     times = {"started": started, "seconds": round(seconds, 3)}
     changed = _write_tables(folder, scenario, units, failures, full, {**(facts or {}), **times})
     return Outcome(folder, len(wanted), len(units) - len(wanted), changed, failures, seconds)
@@ -111,18 +115,21 @@ def _compute(
     open_blocks: dict[str, int] = {}
     for unit, _ in wanted:
         open_blocks[plan.name(unit.cell)] = open_blocks.get(plan.name(unit.cell), 0) + 1
-    for done in engine(jobs) if jobs else ():
-        unit, was = wanted[done.index]
-        case = plan.name(unit.cell)
-        _keep(unit, was, done)
-        for label, fault in done.faults.items():
-            failure = Failure(case, label, unit.block, fault.message, fault.traceback)
-            report(failure)
-            yield failure
-        report(BlockDone(case, unit.block, unit.last - unit.first))
-        open_blocks[case] -= 1
-        if not open_blocks[case]:
-            report(CaseDone(case, scenario.runs, len(unit.labels)))
+    if not jobs:
+        return
+    with closing(engine(jobs)) as arriving:  # ends its processes, whatever happens here
+        for done in arriving:
+            unit, was = wanted[done.index]
+            case = plan.name(unit.cell)
+            _keep(unit, was, done)
+            for label, fault in done.faults.items():
+                failure = Failure(case, label, unit.block, fault.message, fault.traceback)
+                report(failure)
+                yield failure
+            report(BlockDone(case, unit.block, unit.last - unit.first))
+            open_blocks[case] -= 1
+            if not open_blocks[case]:
+                report(CaseDone(case, scenario.runs, len(unit.labels)))
 
 
 def _keep(unit: Unit, was: Stored, done: Done) -> None:
@@ -176,12 +183,7 @@ def _write_tables(
 
 
 def _up_to_date(folder: Path, hashes: Mapping[str, str]) -> bool:
-    try:
-        content = manifest.read(folder)
-        manifest.verify(folder, content)
-    except RkfbenchError:
-        return False
-    return all(content.get("hashes", {}).get(name) == digest for name, digest in hashes.items())
+    return not manifest.spoiled(folder) and all(manifest.made_from(folder, *each) for each in hashes.items())
 
 
 def _refuse_foreign(folder: Path, name: str) -> None:
