@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
@@ -88,8 +89,9 @@ class Pool:
 
             blas.one_thread()
             spawn = multiprocessing.get_context("spawn")
-            self._processes = ProcessPoolExecutor(self.workers, mp_context=spawn, initializer=_ignore_interrupts)
-        return self._processes.submit(function, item)
+            self._processes = ProcessPoolExecutor(self.workers, mp_context=spawn, initializer=_serve)
+        with _interrupts_held():  # submitting starts the processes
+            return self._processes.submit(function, item)
 
 
 @contextmanager
@@ -106,6 +108,28 @@ def _told() -> Iterator[None]:
         ) from error
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; only the driver answers it."""
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """A Ctrl-C that comes now is answered afterwards. Processes started here hold theirs too, until they `_serve`:
+    Ctrl-C reaches every process of a terminal, and one that is still importing would answer with a traceback.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _serve() -> None:
+    """In a worker: leave Ctrl-C to the driver, and end with the driver, however that ends."""
+    import multiprocessing
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    driver = multiprocessing.parent_process()
+
+    def follow() -> None:
+        if driver is not None:
+            driver.join()
+            os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()

@@ -5,6 +5,7 @@ Everything heavy is imported inside the commands, so that `rkfbench --help` answ
 
 from __future__ import annotations
 
+import signal
 import sys
 
 from rkfbench import blas
@@ -19,3 +20,5 @@ def main() -> None:
         app(prog_name="rkfbench")
     except KeyboardInterrupt:
         sys.exit(130)
+    finally:  # all is said and written: a Ctrl-C while Python ends does not change the exit code any more
+        signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -89,10 +89,14 @@ def report(
     from rkfbench.pool import Pool
     from rkfbench.report.page import write_report
     from rkfbench.report.render import render
+    from rkfbench.store import manifest
+    from rkfbench.store.lock import locked
 
     with Pool() as pool:
         for folder in folders:
-            render(folder, pool)
+            manifest.read(folder)  # only a results folder gets a lock
+            with locked(folder):
+                render(folder, pool)
     for path in write_report(folders, out or folders[0]):
         terminal.data(str(path))
 

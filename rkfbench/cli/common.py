@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -44,6 +45,7 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(0) from None
         except KeyboardInterrupt:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would only interrupt the answer to the first
             kept = f"; {terminal.activity}" if terminal.activity else ""
             terminal.error(f"interrupted{kept}: the same command goes on from there")
             raise typer.Exit(INTERRUPTED) from None

@@ -71,6 +71,9 @@ class Terminal:
                     case events.Recomputing(cases, reason):
                         which = ", ".join(cases) if len(cases) <= MOST_NAMED else f"{len(cases)} cases"
                         self.note(f"{name}: recomputing {which}: {reason}")
+                    case events.Spoiled(files):
+                        what = ", ".join(files)
+                        self.note(f"{name}: making again {what}: not what was written there (edited or damaged)")
                     case events.Stopped(text):
                         self.note(f"{name}: {text}")
                     case events.Looped():

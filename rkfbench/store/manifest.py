@@ -1,11 +1,12 @@
 """The manifest of a results folder: what made it, and the hash of each of its files.
 
-A folder is sealed when its manifest lists every file with its SHA-256. Sealing again without a change of any file
-leaves the manifest as it is, so that its times say when the numbers were made.
+A folder is sealed when its manifest lists every file with its SHA-256, and holds its own. Sealing again without a
+change of any file leaves the manifest as it is, so that its times say when the numbers were made.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -21,6 +22,7 @@ from rkfbench.store import files
 
 SCHEMA = 1
 NAME = "manifest.json"
+OWN = "sha256"  # the entry with the manifest's own hash
 BLOCKS = "blocks"
 TUNING = "tuning"  # a results folder of its own inside another one
 
@@ -37,7 +39,7 @@ def seal(folder: Path, **facts: Any) -> bool:
         return False
     kept = {key: value for key, value in old.items() if key not in ("schema", "files", "hashes")}
     content = {"schema": SCHEMA, **kept, **facts, "hashes": hashes, "files": listed}
-    files.write(folder / NAME, json.dumps(content, indent=2) + "\n")
+    files.write(folder / NAME, json.dumps({**content, OWN: _own(content)}, indent=2) + "\n")
     return True
 
 
@@ -57,14 +59,15 @@ def read(folder: Path) -> dict[str, Any]:
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema != SCHEMA:
         raise UsageError(f"{path} has schema version {schema}, this rkfbench reads {SCHEMA}: {_REPAIR}")
+    own = content.pop(OWN, None)
+    if not isinstance(content.get("files"), dict) or own not in (None, _own(content)):  # None: of an older rkfbench
+        raise UsageError(f"{path} is not what rkfbench wrote (edited or damaged): {_REPAIR}")
     return content
 
 
-def verify(folder: Path, content: Mapping[str, Any], suffixes: tuple[str, ...] = (".csv", ".yaml")) -> None:
+def verify(folder: Path, content: Mapping[str, Any]) -> None:
     """Compare the data files of a folder (not its figures and pages) with the manifest; UsageError on the first lie."""
-    for name, digest in content["files"].items():
-        if not name.endswith(suffixes):
-            continue
+    for name, digest in _data(content).items():
         path = folder / name
         try:
             found = files.sha256(path)
@@ -74,6 +77,27 @@ def verify(folder: Path, content: Mapping[str, Any], suffixes: tuple[str, ...] =
             raise UsageError(f"cannot read {path}: {error.strerror}") from error
         if found != digest:
             raise UsageError(f"{path} is not what rkfbench wrote (edited or damaged): {_REPAIR}")
+
+
+def whole(folder: Path, content: Mapping[str, Any]) -> bool:
+    """Whether every file of a folder, figures and pages too, is what the manifest says."""
+    return not any(_differs(folder / name, digest) for name, digest in content["files"].items())
+
+
+def spoiled(folder: Path) -> list[str]:
+    """The data files of a folder that are not what its manifest says; the manifest, when that is damaged."""
+    if not (folder / NAME).exists():
+        return []
+    content = _readable(folder)
+    if not content:
+        return [NAME]
+    return [name for name, digest in _data(content).items() if _differs(folder / name, digest)]
+
+
+def made_from(folder: Path, part: str, digest: str, *names: str) -> bool:
+    """Whether the folder holds the files `names`, and the part of it that they are was made from what has `digest`."""
+    content = _readable(folder)
+    return content.get("hashes", {}).get(part) == digest and content["files"].keys() >= set(names)
 
 
 def machine() -> dict[str, Any]:
@@ -108,6 +132,22 @@ def _names(folder: Path) -> Iterator[str]:
         hidden = any(part.startswith(".") for part in relative.parts)
         if path.is_file() and not hidden and relative.parts[0] not in (NAME, BLOCKS, TUNING):
             yield relative.as_posix()
+
+
+def _data(content: Mapping[str, Any]) -> dict[str, str]:
+    """The hashes of the files with numbers, and of the scenario."""
+    return {name: digest for name, digest in content["files"].items() if name.endswith((".csv", ".yaml"))}
+
+
+def _differs(path: Path, digest: str) -> bool:
+    try:
+        return files.sha256(path) != digest
+    except OSError:
+        return True
+
+
+def _own(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def _version(package: str) -> str:

@@ -9,6 +9,7 @@ from rkfbench.claims.checks import checks_of
 from rkfbench.store import files, manifest
 from rkfbench.study import plan
 
+NAME = "checks.csv"
 COLUMNS = ("id", "deviation", "tolerance", "note")
 
 
@@ -17,11 +18,11 @@ def update(paper: str, ids: Collection[str], folder: Path, *, fresh: bool = Fals
     if not ids:
         return
     made_from = plan.digest([plan.code_hash(), _code_of_checks(), sorted(ids)])
-    if manifest.read(folder).get("hashes", {}).get("checks") == made_from and not fresh:
+    if manifest.made_from(folder, "checks", made_from, NAME) and not fresh:
         return
     outcomes = [(id, check()) for id, check in checks_of(paper).items() if id in ids]
     files.write_csv(
-        folder / "checks.csv",
+        folder / NAME,
         COLUMNS,
         [[id, float(each.deviation), float(each.tolerance), each.note] for id, each in outcomes],
     )

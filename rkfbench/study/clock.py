@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 PREFIX = "time"  # of the names of metrics that are measured with a clock
 FORMS = ("time_ms", "time_ns")  # the second, of batches, is for the full study
+FILES = ("timings/repeats.csv", "timings/times.csv")
 IDENTITY = ("reading", "case", "filter", "metric")
 STATISTICS = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q95", "least")
 
@@ -44,8 +45,7 @@ def update(
 
     jobs = [(cell, labels) for cell in _cells(scenario, full) if (labels := _labels(cell, wanted, full))]
     made_from = plan.digest([plan.code_hash(), full, [[cell.spec, labels] for cell, labels in jobs]])
-    measured = manifest.read(folder).get("hashes", {}).get("times") == made_from
-    if not jobs or (measured and not fresh):
+    if not jobs or (manifest.made_from(folder, "times", made_from, *FILES) and not fresh):
         return
     alone()
     values: dict[tuple[str, ...], list[float]] = {}
@@ -53,9 +53,9 @@ def update(
         for time in measure(cell.case, cell.spec, scenario.seed, labels, FORMS if full else FORMS[:1]):
             values.setdefault((cell.reading, cell.case, time.filter, time.metric), []).append(time.value)
     repeats = ([*key, repeat, each] for key, found in values.items() for repeat, each in enumerate(found))
-    files.write_csv(folder / "timings/repeats.csv", [*IDENTITY, "repeat", "value"], repeats)
+    files.write_csv(folder / FILES[0], [*IDENTITY, "repeat", "value"], repeats)
     rows = (dict(zip(IDENTITY, key, strict=True)) | _statistics(found) for key, found in values.items())
-    files.write_records(folder / "timings/times.csv", [*IDENTITY, *STATISTICS], rows)
+    files.write_records(folder / FILES[1], [*IDENTITY, *STATISTICS], rows)
     manifest.seal(folder, hashes={"times": made_from})
 
 

@@ -6,7 +6,7 @@ along: its jobs go to another one. Needs the extra `rkfbench[dask]`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ CONNECT = 10  # seconds for a scheduler to answer
 WORKERS = 60  # seconds for its first worker to appear
 
 
-def remote(jobs: Sequence[Job], address: str) -> Iterator[Done]:
+def remote(jobs: Sequence[Job], address: str) -> Generator[Done]:
     """The workers of the scheduler at `address`. Raises UsageError when it does not answer or has no workers."""
     distributed = _distributed()
     try:
@@ -34,7 +34,7 @@ def remote(jobs: Sequence[Job], address: str) -> Iterator[Done]:
         yield from _through(client, jobs, address)
 
 
-def local(jobs: Sequence[Job], workers: int) -> Iterator[Done]:
+def local(jobs: Sequence[Job], workers: int) -> Generator[Done]:
     """A cluster of its own on this machine with `workers` processes, for this study only."""
     distributed = _distributed()
     options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": "ERROR"}
@@ -45,7 +45,7 @@ def local(jobs: Sequence[Job], workers: int) -> Iterator[Done]:
         yield from _through(client, jobs, cluster.scheduler_address)
 
 
-def _through(client: Client, jobs: Sequence[Job], address: str) -> Iterator[Done]:
+def _through(client: Client, jobs: Sequence[Job], address: str) -> Generator[Done]:
     """Keep all workers busy; most jobs wait here and not at the scheduler, so that the longest go first."""
     distributed = _distributed()
     try:

@@ -7,14 +7,14 @@ see `rkfbench.blas`.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from functools import partial
 
 from rkfbench.pool import Pool
 from rkfbench.study.jobs import Done, Job, stream, work
 from rkfbench.study.packing import Agenda, divided
 
-Engine = Callable[[Sequence[Job]], Iterator[Done]]
+Engine = Callable[[Sequence[Job]], Generator[Done]]  # whoever stops before its end closes it
 
 
 def engine(jobs: int | None, pool: Pool, scheduler: str | None = None) -> Engine:
@@ -28,13 +28,13 @@ def engine(jobs: int | None, pool: Pool, scheduler: str | None = None) -> Engine
     return partial(automatic if jobs is None else processes, pool=pool)
 
 
-def serial(jobs: Sequence[Job]) -> Iterator[Done]:
+def serial(jobs: Sequence[Job]) -> Generator[Done]:
     """One job after the other, in this process."""
     for job in jobs:
         yield from stream(job)
 
 
-def automatic(jobs: Sequence[Job], pool: Pool) -> Iterator[Done]:
+def automatic(jobs: Sequence[Job], pool: Pool) -> Generator[Done]:
     """Begin in this process; hand the rest to the pool as soon as the time measured so far says that it pays."""
     if pool.pays(0):  # its processes are there already
         yield from processes(jobs, pool)
@@ -53,7 +53,7 @@ def automatic(jobs: Sequence[Job], pool: Pool) -> Iterator[Done]:
                 return
 
 
-def processes(jobs: Sequence[Job], pool: Pool) -> Iterator[Done]:
+def processes(jobs: Sequence[Job], pool: Pool) -> Generator[Done]:
     """The processes of a pool, the longest jobs first."""
     agenda = Agenda(divided(jobs, pool.workers))
     for job, done in pool.fed(work, agenda.take):

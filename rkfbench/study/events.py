@@ -24,6 +24,13 @@ class Recomputing:
 
 
 @dataclass(frozen=True)
+class Spoiled:
+    """Files of the folder that are not what was written there; they are made again."""
+
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Looped:
     """A filter of one run is looped over the runs: microseconds a run and step, how many times that of a Kalman filter
     on a batch of runs, and about how many seconds of one core in all.
@@ -74,5 +81,5 @@ class Stopped:
     text: str
 
 
-Event = Planned | Recomputing | Looped | BlockDone | CaseDone | Failure | Stopped
+Event = Planned | Recomputing | Spoiled | Looped | BlockDone | CaseDone | Failure | Stopped
 Report = Callable[[Event], None]

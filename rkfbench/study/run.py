@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import groupby
@@ -23,7 +23,7 @@ from rkfbench.store.blocks import Part
 from rkfbench.store.lock import locked, shared
 from rkfbench.study import loops, plan
 from rkfbench.study.engines import Engine, serial
-from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report, Stopped
+from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report, Spoiled, Stopped
 from rkfbench.study.packing import packed
 from rkfbench.study.plan import Stored, Unit
 
@@ -94,6 +94,10 @@ def update(
     else:
         scenario, settled, units, computed, failures = _until_precise(scenario, folder, full, engine, report, goal)
     seconds = time.perf_counter() - begin
+    if spoiled := manifest.spoiled(folder):
+        report(Spoiled(tuple(spoiled)))
+        for name in spoiled:  # made again: the tables below, the others by those who make them
+            _remove(folder / name)
     times = {"started": started, "seconds": round(seconds, 3)}
     more = {**(facts or {}), **times, "precision": settled and settled.facts()}
     changed = _write_tables(folder, scenario, units, failures, full, more)
@@ -192,27 +196,30 @@ def _compute(
         open_blocks[plan.name(unit.cell)] = open_blocks.get(plan.name(unit.cell), 0) + 1
     drafts = {i: _Draft(unit, was) for i, (unit, was) in enumerate(wanted)}
     jobs = packed([(unit, was.missing) for unit, was in wanted], scenario.seed, scenario.runs)
+    if not jobs:
+        return
     try:
-        for done in engine(jobs) if jobs else ():
-            for (i, label), part in done.parts.items():
-                drafts[i].add(label, part)
-            for (i, label), fault in done.faults.items():
-                unit = drafts[i].unit
-                drafts[i].add(label, None)
-                failure = Failure(plan.name(unit.cell), label, unit.block, fault.message, fault.traceback)
-                report(failure)
-                yield failure
-            for i in dict.fromkeys(i for i, _ in done.places):
-                draft = drafts[i]
-                if not draft.missing or done.seconds > LONG:
-                    draft.write()
-                if not draft.missing:
-                    del drafts[i]
-                    case = plan.name(draft.unit.cell)
-                    report(BlockDone(case, draft.unit.block, draft.unit.last - draft.unit.first))
-                    open_blocks[case] -= 1
-                    if not open_blocks[case]:
-                        report(CaseDone(case, scenario.runs, len(draft.unit.labels)))
+        with closing(engine(jobs)) as arriving:  # ends what it has begun, whatever happens here
+            for done in arriving:
+                for (i, label), part in done.parts.items():
+                    drafts[i].add(label, part)
+                for (i, label), fault in done.faults.items():
+                    unit = drafts[i].unit
+                    drafts[i].add(label, None)
+                    failure = Failure(plan.name(unit.cell), label, unit.block, fault.message, fault.traceback)
+                    report(failure)
+                    yield failure
+                for i in dict.fromkeys(i for i, _ in done.places):
+                    draft = drafts[i]
+                    if not draft.missing or done.seconds > LONG:
+                        draft.write()
+                    if not draft.missing:
+                        del drafts[i]
+                        case = plan.name(draft.unit.cell)
+                        report(BlockDone(case, draft.unit.block, draft.unit.last - draft.unit.first))
+                        open_blocks[case] -= 1
+                        if not open_blocks[case]:
+                            report(CaseDone(case, scenario.runs, len(draft.unit.labels)))
     finally:
         for draft in drafts.values():
             draft.write()
@@ -286,12 +293,7 @@ def _write_tables(
 
 
 def _up_to_date(folder: Path, hashes: Mapping[str, str]) -> bool:
-    try:
-        content = manifest.read(folder)
-        manifest.verify(folder, content)
-    except RkfbenchError:
-        return False
-    return all(content.get("hashes", {}).get(name) == digest for name, digest in hashes.items())
+    return not manifest.spoiled(folder) and all(manifest.made_from(folder, *each) for each in hashes.items())
 
 
 def _refuse_foreign(folder: Path, name: str) -> None:

@@ -233,7 +233,7 @@ def test_an_interrupted_run_keeps_its_blocks_and_resumes_to_the_same_bytes(
 
 def test_the_order_in_which_blocks_arrive_changes_no_byte(tmp_path: Path, compute: fakes.Compute) -> None:
     run_study(fakes.scenario(), tmp_path / "a")
-    run_study(fakes.scenario(), tmp_path / "b", engine=lambda work: reversed(list(serial(work))))
+    run_study(fakes.scenario(), tmp_path / "b", engine=lambda work: (done for done in reversed(list(serial(work)))))
     assert tables(tmp_path / "a") == tables(tmp_path / "b")
 
 

@@ -1,0 +1,36 @@
+"""The study that nothing disturbs, run once."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from tests.survive.study import Study
+
+
+class Whole(NamedTuple):
+    """What the undisturbed study gives, and how long it takes."""
+
+    numbers: dict[str, bytes]
+    seconds: float
+
+
+@pytest.fixture(scope="session")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Whole:
+    study = Study.at(tmp_path_factory.mktemp("undisturbed"))
+    begin = time.perf_counter()
+    assert study.run("--jobs", "1").code == 0
+    return Whole(study.numbers(), time.perf_counter() - begin)
+
+
+@pytest.fixture
+def whole(undisturbed: Whole) -> dict[str, bytes]:
+    return undisturbed.numbers
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    return Study.at(tmp_path)
