@@ -244,7 +244,7 @@ class _Draft:
         """Write the new parts beside those of the file that are good."""
         if self._new:
             parts = (blocks.read(self.unit.path, self._good) if self._good else {}) | self._new
-            blocks.write(self.unit.path, {label: (self.unit.keys[label], part) for label, part in parts.items()})
+            blocks.write(self.unit.path, {label: (self.unit.keys[label], parts[label]) for label in sorted(parts)})
             self._good |= self._new.keys()
             self._new = {}
 
