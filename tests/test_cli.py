@@ -77,10 +77,8 @@ def test_dask_is_an_engine_like_the_others(small: Path) -> None:
 def test_shards_say_what_is_left_and_a_plain_run_merges_them(small: Path) -> None:
     first = rkfbench("run", small, "--shard", "1/2", "--out", "r")
     assert (first.exit_code, first.stdout) == (0, "r\n")
-    assert (
-        "small: shard 1/2: 1 blocks computed, 0 were there; "
-        "blocks of the study still to be computed by other shards: 1; then" in first.stderr
-    )
+    assert "small: shard 1/2: 1 blocks computed, 0 were there;" in first.stderr
+    assert "still to be computed by other shards: 1; then the same command without --shard" in first.stderr
     second = rkfbench("run", small, "--shard", "2/2", "--out", "r")
     assert "all blocks of the study are there: the same command without --shard makes the tables" in second.stderr
     assert not Path("r/summary.csv").exists()
