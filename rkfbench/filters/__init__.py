@@ -68,6 +68,7 @@ SCHEMES: dict[str, Entry] = {
     "joseph": Entry(joseph.Joseph, paper="fpmcs-2024", equations="(6)"),
     **nrukf.SCHEMES,
 }
+FORMS = "a filter is a name, {use: name, ...} or {moments:, weight:, update:}"
 _PARTS = {
     "moments": (MOMENTS, "moment rule"),
     "weight": (WEIGHTS, "robust weight"),
@@ -83,6 +84,8 @@ def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
     """
     if isinstance(spec, str):
         return _make(FILTERS, "filter", spec, params)
+    if not isinstance(spec, Mapping):
+        raise SpecError(FORMS)
     description = {**spec, **params}
     if "use" in description:
         name = description.pop("use")
@@ -98,12 +101,12 @@ def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
             raise error.under(name) from None
     if not description or description.keys() - _PARTS.keys():
         unknown = sorted(description.keys() - _PARTS.keys())
-        raise SpecError("a filter is a name, {use: name, ...} or {moments:, weight:, update:}", unknown[:1])
+        raise SpecError(FORMS, unknown[:1])
     return GaussianFilter(**{part: _part(part, value) for part, value in description.items()})
 
 
 def _make(catalogue: Mapping[str, Entry], what: str, name: Any, params: Mapping[str, Any], at: str = "") -> Any:
-    if name not in catalogue and at:
+    if at and not (isinstance(name, str) and name in catalogue):
         try:
             return _build(catalogue, what, name, params)
         except SpecError as error:
