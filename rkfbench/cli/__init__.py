@@ -14,6 +14,8 @@ from rkfbench import blas
 def main() -> None:
     """Entry point of the command."""
     blas.one_thread()
+    for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a character, or a file name that is no text
+        stream.reconfigure(errors="backslashreplace")
     try:
         from rkfbench.cli.commands import app
 

@@ -76,6 +76,7 @@ SCHEMES: dict[str, Entry] = {
     "joseph": Entry(joseph.Joseph, paper="fpmcs-2024", equations="(6)"),
     **nrukf.SCHEMES,
 }
+FORMS = "a filter is a name, {use: name, ...} or {moments:, weight:, update:}"
 _PARTS = {
     "moments": (MOMENTS, "moment rule"),
     "weight": (WEIGHTS, "robust weight"),
@@ -91,6 +92,8 @@ def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
     """
     if isinstance(spec, str):
         return _make(FILTERS, "filter", spec, params)
+    if not isinstance(spec, Mapping):
+        raise SpecError(FORMS)
     description = {**spec, **params}
     if "use" in description:
         name = description.pop("use")
@@ -106,7 +109,7 @@ def build(spec: str | Mapping[str, Any], **params: Any) -> Filter:
             raise error.under(name) from None
     if not description or description.keys() - _PARTS.keys():
         unknown = sorted(description.keys() - _PARTS.keys())
-        raise SpecError("a filter is a name, {use: name, ...} or {moments:, weight:, update:}", unknown[:1])
+        raise SpecError(FORMS, unknown[:1])
     return GaussianFilter(**{part: _part(part, value) for part, value in description.items()})
 
 

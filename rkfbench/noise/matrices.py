@@ -59,8 +59,7 @@ def matrix(spec: Any, dim: int, names: Mapping[str, Array] | None = None) -> Arr
         raise SpecError(
             "should be a number, a list (diagonal), rows of equal length or an operation on a matrix"
         ) from None
-    if not np.isfinite(M).all():
-        raise SpecError("a matrix must have finite elements")
+    M = _finite(M)
     if M.ndim == 0:
         return M * np.eye(dim)
     if M.shape == (dim,):
@@ -72,12 +71,19 @@ def matrix(spec: Any, dim: int, names: Mapping[str, Array] | None = None) -> Arr
     )
 
 
+def _finite(M: Array) -> Array:
+    if not np.isfinite(M).all():
+        raise SpecError("a matrix must have finite elements")
+    return M
+
+
 def _operation(spec: Mapping[str, Any], dim: int, names: Mapping[str, Array] | None) -> Array:
     if set(spec) == {"times", "of"}:
         factor = spec["times"]
         if isinstance(factor, bool) or not isinstance(factor, int | float):
             raise SpecError("should be a number", ["times"])
-        return factor * _inside("of", spec["of"], dim, names)
+        with np.errstate(all="ignore"):
+            return _finite(factor * _inside("of", spec["of"], dim, names))
     if len(spec) == 1 and (name := next(iter(spec))) in OPERATIONS:
         M = _inside(name, spec[name], dim, names)
         try:
@@ -108,7 +114,7 @@ def covariance(spec: Any, dim: int, names: Mapping[str, Array] | None = None) ->
 def _covariance(M: Array) -> Array:
     if not np.allclose(M, M.T, rtol=1e-12, atol=1e-12 * np.abs(M).max(initial=0)):
         raise SpecError("a covariance must be symmetric")
-    M = 0.5 * (M + M.T)
+    M = 0.5 * M + 0.5 * M.T
     smallest = np.linalg.eigvalsh(M)[0]
     if smallest < -1e-12 * max(1.0, np.abs(M).max()):
         raise SpecError(f"a covariance must not be indefinite (smallest eigenvalue {smallest:.6g})")

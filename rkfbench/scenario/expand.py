@@ -6,6 +6,7 @@ swept path gives a column named by its last segment, or by as many as make it un
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from itertools import product
@@ -108,9 +109,9 @@ def _sweeps(document: Map, faults: list[tuple[SpecError, Path]]) -> dict[str, li
             seen = {_text(point.shown) for point in points}
             more = _points(written["extra"], at, extra=True) if tiers and written.get("extra") else []
             points += [point for point in more if _text(point.shown) not in seen]
-            twice = next((text for text in seen if [_text(point.shown) for point in points].count(text) > 1), None)
-            if twice is not None:
-                raise SpecError(f"lists {twice} twice")
+            twice = [text for text, times in Counter(_text(point.shown) for point in points).items() if times > 1]
+            if twice:
+                raise SpecError(f"lists {twice[0]} twice")
             if all(type(point.shown) in (int, float) for point in points):
                 points.sort(key=lambda point: float(point.shown))
             sweeps[path] = points

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import product
+from math import prod
 from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import Field
@@ -36,6 +37,7 @@ class Head(Strict):
     assumed: FilterAssumed = Field(default=FilterAssumed(), description="what this filter is told differently")
 
 
+MOST_FILTERS = 1000  # that the lists of one entry make
 HEAD = tuple(Head.model_fields)
 
 
@@ -82,6 +84,8 @@ def _entry(written: Any, at: Mark) -> Map:
 def _each_value(entry: Map, at: Mark) -> Iterator[Map]:
     """The entry once for each combination of the values that its scalar parameters list."""
     listed = list(_listed(entry))
+    if (count := prod(len(values) for _, values in listed)) > MOST_FILTERS:
+        raise SpecError(f"its lists make {count} filters, more than {MOST_FILTERS}")
     for values in product(*(values for _, values in listed)):
         each = entry
         for (path, _), (value, place) in zip(listed, values, strict=True):

@@ -28,6 +28,8 @@ from rkfbench.scenario.scenario import Cell, Scenario
 from rkfbench.scenario.schema import META, Citation, Runs, ScenarioFile
 from rkfbench.scenario.yaml import Map, Mark
 
+MOST_FILTERED = 20_000  # filters of all cells together; each is made once to check it
+
 Rewrite = Callable[[Map, str, Any, Mark], Map]
 
 
@@ -123,9 +125,12 @@ def _with_options(
         try:
             if not equals or not path:
                 raise SpecError("should be written as path=value")
+            text.encode()  # what a command line gives may not be UTF-8
             document = rewrite(document, path.strip(), read(value, mark), mark)
         except SpecError as error:
             problems.append(mark.problem(error.message, path if equals else ""))
+        except UnicodeEncodeError:
+            problems.append(mark.problem("is not UTF-8 text"))
         except ScenarioError as error:
             problems += error.problems
     if runs is not None:
@@ -154,7 +159,7 @@ def _checked(document: Map, problems: list[Problem]) -> ScenarioFile | None:
     except SpecError as error:
         problems += located(document, [error])
         for key in ("readings", "sensitivity", "cases", "sweep"):
-            if any(each.path[0] == key for each in error):
+            if any(each.path[:1] == (key,) for each in error):
                 document.pop(key, None)
         return None
 
@@ -188,7 +193,12 @@ def _cells(document: Map, problems: list[Problem]) -> Iterator[Cell]:
     base, _, wrong = checked(document.only(SECTIONS))
     problems += located(base, wrong)
     switches: set[str] = set()
+    count = 0
     for draft in drafts(document, SECTIONS, faults):
+        count += len(filters) if isinstance(filters := draft.spec.get("filters"), list) else 0
+        if count > MOST_FILTERED:
+            faults.append((SpecError(f"the filters of all cells are more than {MOST_FILTERED}"), ("filters",)))
+            break
         # A switch is tried at its first point only: the other points have been tried without it.
         listed, spec, wrong = checked(draft.spec, whole=draft.switch not in switches)
         if draft.switch is not None:

@@ -17,6 +17,7 @@ import yaml
 
 from rkfbench.errors import Problem, ScenarioError, UsageError
 
+MOST_BYTES = 10_000_000
 MOST_VALUES = 100_000  # values in a file, those that aliases repeat included
 MOST_DEPTH = 40
 
@@ -95,11 +96,14 @@ class Seq(list[Any]):
 def read(path: FilePath, display: str) -> Map:
     """The mapping that a YAML file holds; ScenarioError where it is not one."""
     try:
-        raw = path.read_bytes()
+        with path.open("rb") as file:
+            raw = file.read(MOST_BYTES + 1)
     except IsADirectoryError:
         raise UsageError(f"{display}: is a directory, not a file") from None
     except OSError as error:
         raise UsageError(f"{display}: {(error.strerror or str(error)).lower()}") from None
+    if len(raw) > MOST_BYTES:
+        raise UsageError(f"{display}: larger than {MOST_BYTES // 10**6} MB")
     if b"\0" in raw:
         raise UsageError(f"{display}: not a text file")
     try:

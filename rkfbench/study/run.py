@@ -6,7 +6,6 @@ a killed process), the finished blocks stay and the same call goes on from there
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -317,8 +316,10 @@ def _refuse_foreign(folder: Path, name: str) -> None:
 
 def _remove(path: Path) -> None:
     with files.writing(path):
-        if path.is_dir():
-            shutil.rmtree(path)
+        if path.is_dir() and not path.is_symlink():
+            for inner in path.iterdir():
+                _remove(inner)
+            path.rmdir()
         else:
             path.unlink(missing_ok=True)
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
+COMMAND = (sys.executable, "-m", "rkfbench")  # in ROOT: its own rkfbench, whatever is installed
 
 SCENARIO = """\
 name: survivor
@@ -67,9 +68,8 @@ class Study:
         """The command in a session of its own, so that a signal can reach all its processes and no other; it may be
         started `under` another command.
         """
-        command = (sys.executable, "-m", "rkfbench", "run", self.place / "survivor.yaml", "--out", self.results)
         return subprocess.Popen(
-            [*under, *map(str, command), *options],
+            [*under, *COMMAND, "run", str(self.place / "survivor.yaml"), "--out", str(self.results), *options],
             cwd=ROOT,  # whose rkfbench it is
             env=os.environ | how.pop("env", {}),
             stdout=subprocess.PIPE,
@@ -81,6 +81,11 @@ class Study:
 
     def run(self, *options: str, **how: Any) -> Ended:
         return ended(self.start(*options, **how))
+
+    def command(self, *args: str) -> Ended:
+        """Another command."""
+        done = subprocess.run([*COMMAND, *args], cwd=ROOT, capture_output=True, text=True, check=False)
+        return Ended(done.returncode, done.stdout, done.stderr)
 
     def numbers(self) -> dict[str, bytes]:
         """Every file that depends on nothing but the scenario; what a clock measured is left out."""
