@@ -5,6 +5,7 @@ Everything heavy is imported inside the commands, so that `rkfbench --help` answ
 
 from __future__ import annotations
 
+import os
 import sys
 
 from rkfbench import blas
@@ -13,6 +14,7 @@ from rkfbench import blas
 def main() -> None:
     """Entry point of the command."""
     blas.one_thread()
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # pydantic would search every installed package
     try:
         from rkfbench.cli.commands import app
 
