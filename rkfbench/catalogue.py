@@ -8,8 +8,11 @@ so that the signature is the only place where a parameter is declared:
         '''Huber weight: R is inflated where a whitened residual exceeds the threshold.'''
         threshold: Annotated[float, Gt(0), "Huber threshold beta of (11), in whitened units"] = 1.345
 
-    WEIGHTS = {"huber": Entry(Huber, paper="aladkf-2020", equations="(9)-(11)")}
+    WEIGHTS = {"huber": Entry("rkfbench.filters.weights:Huber", paper="aladkf-2020", equations="(9)-(11)")}
     build(WEIGHTS, "robust weight", "huber", {"threshold": 2})
+
+An entry may name what it stands for, as above: it is imported when it is first used, so that a command imports the
+filters that its scenario has.
 
 Values are checked strictly: a number is never read from a string or a boolean, an unknown parameter is an error.
 """
@@ -21,7 +24,8 @@ import re
 import types
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, reduce
+from functools import cache, cached_property, reduce
+from importlib import import_module
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
@@ -44,11 +48,20 @@ class Limit:
 class Entry:
     """What one catalogue name stands for, and what a reader wants to know about it."""
 
-    make: Callable[..., Any]
+    source: Callable[..., Any] | str  # the class or function itself, or "module:name"
     paper: str = ""  # where it comes from ("aladkf-2020"); "" for what is general
     equations: str = ""  # the equations of that paper: "(9)-(11)"
     needs: frozenset[str] = field(default_factory=frozenset)  # what a reference knows beyond the measurements
     limits: tuple[Limit, ...] = ()
+
+    @cached_property
+    def make(self) -> Callable[..., Any]:
+        """The class or function whose keyword parameters are those of the entry."""
+        if not isinstance(self.source, str):
+            return self.source
+        module, _, name = self.source.partition(":")
+        make: Callable[..., Any] = getattr(import_module(module), name)
+        return make
 
     @property
     def summary(self) -> str:

@@ -5,6 +5,8 @@ Everything heavy is imported inside the commands, so that `rkfbench --help` answ
 
 from __future__ import annotations
 
+import io
+import os
 import signal
 import sys
 
@@ -15,7 +17,9 @@ def main() -> None:
     """Entry point of the command."""
     blas.one_thread()
     for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a character, or a file name that is no text
-        stream.reconfigure(errors="backslashreplace")
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # pydantic would search every installed package
     try:
         from rkfbench.cli.commands import app
 

@@ -13,25 +13,10 @@ from typing import Any
 from rkfbench.catalogue import Catalogue, Entry, find, lookup
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
-from rkfbench.filters import (
-    adaptive,
-    correntropy,
-    estimates,
-    flow,
-    fpmcs,
-    joseph,
-    linear,
-    nonlinear,
-    nrukf,
-    references,
-    schemes,
-    sigma,
-)
 from rkfbench.filters.base import Estimate, Filter, Known, Setting
+from rkfbench.filters.entries import FILTERS, MOMENTS, SCHEMES, WEIGHTS
 from rkfbench.filters.gaussian import GaussianFilter
-from rkfbench.filters.moments import Linear, Taylor
 from rkfbench.filters.smoothing import placed
-from rkfbench.filters.weights import Huber, LeastAbsolute, Plain
 
 __all__ = [
     "FILTERS",
@@ -47,35 +32,6 @@ __all__ = [
     "placed",
 ]
 
-FILTERS: dict[str, Entry] = Catalogue(
-    "filters",
-    {
-        **linear.FILTERS,
-        **nonlinear.FILTERS,
-        **fpmcs.FILTERS,
-        **nrukf.FILTERS,
-        **adaptive.FILTERS,
-        **references.FILTERS,
-        **estimates.FILTERS,
-    },
-)
-MOMENTS: dict[str, Entry] = {"linear": Entry(Linear), "taylor": Entry(Taylor), **sigma.MOMENTS}
-WEIGHTS: dict[str, Entry] = Catalogue(
-    "weights",
-    {
-        "none": Entry(Plain),
-        "huber": Entry(Huber, paper="aladkf-2020", equations="(9)-(11)"),
-        "least_absolute": Entry(LeastAbsolute, paper="aladkf-2020", equations="(37)-(38)"),
-        "correntropy": Entry(correntropy.Correntropy, paper="fpmcs-2024", equations="(2), (6)"),
-        **nrukf.WEIGHTS,
-    },
-)
-SCHEMES: dict[str, Entry] = {
-    **schemes.SCHEMES,
-    **flow.SCHEMES,
-    "joseph": Entry(joseph.Joseph, paper="fpmcs-2024", equations="(6)"),
-    **nrukf.SCHEMES,
-}
 FORMS = "a filter is a name, {use: name, ...} or {moments:, weight:, update:}"
 _PARTS = {
     "moments": (MOMENTS, "moment rule"),

@@ -23,7 +23,6 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from rkfbench.catalogue import Entry, Limit
 from rkfbench.errors import SpecError
 from rkfbench.filters import recursion
 from rkfbench.filters.base import Estimate, Known, Posterior
@@ -250,13 +249,3 @@ def _shares(log_f: Array, R: Array) -> Array:
 def skf() -> GaussianFilter:
     """Standard Kalman filter of the DAF paper: all factors 1."""
     return GaussianFilter(moments=Linear())
-
-
-_OFF = Limit({"lambda_alpha": 1e9, "lambda_beta": 1e9}, "skf")
-
-FILTERS: dict[str, Entry] = {
-    "skf": Entry(skf, paper="daf", equations="(1)-(2), (7)"),
-    "sdf": Entry(SimplifiedDualFactorFilter, paper="daf", equations="(3)-(10), reconstructed", limits=(_OFF,)),
-    "raf": Entry(RobustAdaptiveFilter, paper="daf", equations="scheme 3, reconstructed", limits=(_OFF,)),
-    "daf": Entry(DualFactorFilter, paper="daf", equations="(3)-(10), reconstructed", limits=(_OFF,)),
-}

@@ -16,7 +16,6 @@ from typing import Annotated
 import numpy as np
 
 from rkfbench import sheet
-from rkfbench.catalogue import Entry
 from rkfbench.filters.base import Estimate, Known
 from rkfbench.linalg import Array
 from rkfbench.models import Model
@@ -127,6 +126,3 @@ def cells_of(page: Sheet) -> dict[tuple[str, ...], tuple[int, int]]:
 def runs_of(file: str | Path) -> int:
     """The runs that a file has of every cell that it is about."""
     return min(count for _, count in cells_of(sheet.read(file)).values())
-
-
-FILTERS: dict[str, Entry] = {"estimates": Entry(Estimates, needs=frozenset({"file"}))}

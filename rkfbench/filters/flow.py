@@ -16,7 +16,6 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from annotated_types import Gt, Interval
 
-from rkfbench.catalogue import Entry
 from rkfbench.filters.base import Posterior
 from rkfbench.filters.moments import Moments
 from rkfbench.filters.schemes import look, portions
@@ -98,9 +97,3 @@ def grid(first: float, ratio: float, cap: float) -> tuple[float, ...]:
         done += length
         length = min(length * ratio, cap)
     return (*lengths, 1 - done)
-
-
-SCHEMES: dict[str, Entry] = {
-    "flow": Entry(Flow, paper="pekf-2017", equations="(35)"),
-    "graded": Entry(Graded, paper="pekf-2017", equations="(35)"),
-}

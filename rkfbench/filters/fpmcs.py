@@ -19,18 +19,15 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from rkfbench.catalogue import Entry, Limit
 from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate, Known, Setting
 from rkfbench.filters.correntropy import Correntropy, Floor, Kernel, Sigma
-from rkfbench.filters.decoupled import decoupled
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.joseph import Joseph
 from rkfbench.filters.moments import Linear
-from rkfbench.filters.particle import pf, ps
 from rkfbench.filters.recursion import History, bury, prepare
 from rkfbench.filters.schemes import Once
-from rkfbench.filters.smoothing import SEES, At, FixedPoint, Lag, Start, ends, fixed_point, point, rts
+from rkfbench.filters.smoothing import SEES, At, FixedPoint, Lag, Start, ends, point
 from rkfbench.linalg import Array, diag, mul, positive_definite, solve, transpose
 from rkfbench.models import Model
 from rkfbench.streams import Streams
@@ -174,15 +171,3 @@ def mckf(
 def ks(at: At = None, lag: Lag = None, start: Start = "j") -> FixedPoint:
     """Fixed-point Kalman smoother: the state at step j from measurements up to j + lag."""
     return FixedPoint(GaussianFilter(moments=Linear()), at, lag, start)
-
-
-FILTERS: dict[str, Entry] = {
-    "mckf": Entry(mckf, paper="fpmcs-2024", equations="(5)-(6), (16)", limits=(Limit({"sigma": float("inf")}, "kf"),)),
-    "ks": Entry(ks, paper="fpmcs-2024", equations="(17)-(24) with C = I"),
-    "fpmcs": Entry(CorrentropySmoother, paper="fpmcs-2024", equations="(16), (20)-(24)"),
-    "pf": Entry(pf, paper="fpmcs-2024", needs=frozenset({"streams"})),
-    "ps": Entry(ps, paper="fpmcs-2024", needs=frozenset({"streams"})),
-    "fixed_point": Entry(fixed_point, paper="fpmcs-2024", equations="(17)-(24)"),
-    "rts": Entry(rts),
-    "decoupled": Entry(decoupled),
-}

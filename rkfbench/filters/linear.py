@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt
 
-from rkfbench.catalogue import Entry, Limit
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear
 from rkfbench.filters.references import Clairvoyant
@@ -38,11 +37,3 @@ def clairvoyant_kf() -> Clairvoyant:
     square error.
     """
     return Clairvoyant()
-
-
-FILTERS: dict[str, Entry] = {
-    "kf": Entry(kf, paper="aladkf-2020", equations="(3)-(7)"),
-    "hkf": Entry(hkf, paper="aladkf-2020", equations="(9)-(11)", limits=(Limit({"threshold": 1e9}, "kf"),)),
-    "aladkf": Entry(aladkf, paper="aladkf-2020", equations="(23), (33), (37)-(39), (41)"),
-    "clairvoyant_kf": Entry(clairvoyant_kf, needs=frozenset({"record"})),
-}

@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt
 
-from rkfbench.catalogue import Entry, Limit
 from rkfbench.filters.baselines import BayesGrid, Zero
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import LineariseAt, Taylor
@@ -63,15 +62,3 @@ def zero() -> Zero:
 def bayes(points: Annotated[int, Ge(64), "grid points on the full circle"] = 8192) -> BayesGrid:
     """Bayes' rule on a grid of angles, for range and bearing of a fixed point with a range as good as known."""
     return BayesGrid(points)
-
-
-FILTERS: dict[str, Entry] = {
-    "ekf": Entry(ekf, paper="pekf-2017", equations="(39)-(40)"),
-    "ukf": Entry(ukf, limits=(Limit({"alpha": 1.0, "beta": 0.0, "kappa": 0}, "ckf"),)),
-    "ckf": Entry(ckf),
-    "ddf": Entry(ddf),
-    "iekf": Entry(iekf, limits=(Limit({"iterations": 1}, "ekf"),)),
-    "pekf": Entry(pekf, paper="pekf-2017", equations="(37)-(40)", limits=(Limit({"dl": 1.0}, "ekf"),)),
-    "zero": Entry(zero),
-    "bayes": Entry(bayes),
-}

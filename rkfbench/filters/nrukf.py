@@ -8,12 +8,10 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from rkfbench.catalogue import Entry, Limit
 from rkfbench.filters import recursion
 from rkfbench.filters.base import Estimate, Known, Posterior
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear, Taylor
-from rkfbench.filters.quantised import quantised
 from rkfbench.filters.regression import LinearisationCov, Passes, Regression, Root, StateRows, Threshold
 from rkfbench.filters.residual_weights import PseudoObservation, ResidualHuber, Reweighted
 from rkfbench.filters.sigma import DividedDifference, Unscented
@@ -163,34 +161,3 @@ class Swap:
         """The estimates; see `rkfbench.filters.base.Filter`."""
         self.check(model)
         return recursion.run(self, model, y, x0, P0, Q, R, keep)
-
-
-_OFF = {"threshold": 1e12}
-_UKF = {"moments": "unscented"}
-
-FILTERS: dict[str, Entry] = {
-    "hkf_regression": Entry(hkf_regression, paper="nrukf-2012", equations="(8)-(16)", limits=(Limit(_OFF, "kf"),)),
-    "hekf": Entry(hekf, paper="nrukf-2012", equations="(8)-(16)", limits=(Limit(_OFF, {"moments": "taylor"}),)),
-    "hukf": Entry(hukf, paper="nrukf-2012", equations="(8)-(16)", limits=(Limit(_OFF, _UKF, "linear"),)),
-    "hukf0": Entry(hukf0, paper="nrukf-2012", equations="(23)-(24)", limits=(Limit(_OFF, _UKF, "linear"),)),
-    "hddf": Entry(
-        hddf,
-        paper="nrukf-2012",
-        equations="(8)-(16)",
-        limits=(Limit(_OFF, {"moments": "divided_difference"}, "linear"),),
-    ),
-    "nrukf_r": Entry(nrukf_r, paper="nrukf-2012", equations="(25)-(36)", limits=(Limit(_OFF, _UKF),)),
-    "nrukf_y": Entry(nrukf_y, paper="nrukf-2012", equations="(25)-(33), (37)-(39)", limits=(Limit(_OFF, _UKF),)),
-    "nrukf_r_it": Entry(nrukf_r_it, limits=(Limit(_OFF, _UKF),)),
-    "nrukf_y_it": Entry(nrukf_y_it, limits=(Limit(_OFF, _UKF),)),
-    "swap": Entry(Swap),
-    "quantised": Entry(quantised),
-}
-WEIGHTS: dict[str, Entry] = {
-    "residual_huber": Entry(ResidualHuber, paper="nrukf-2012", equations="(34)-(36)"),
-    "pseudo_observation": Entry(PseudoObservation, paper="nrukf-2012", equations="(37)-(39)"),
-}
-SCHEMES: dict[str, Entry] = {
-    "regression": Entry(Regression, paper="nrukf-2012", equations="(8)-(16)"),
-    "reweighted": Entry(Reweighted),
-}

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rkfbench.catalogue import Entry
 from rkfbench.errors import SpecError
 from rkfbench.filters import recursion
 from rkfbench.filters.base import Estimate, Known
@@ -156,9 +155,3 @@ class Truth:
 def kf_clair() -> Rejecting:
     """Kalman filter that is told which measurement components are outliers, and drops them."""
     return Rejecting()
-
-
-FILTERS: dict[str, Entry] = {
-    "kf_clair": Entry(kf_clair, needs=frozenset({"flags"})),
-    "truth": Entry(Truth, needs=frozenset({"truth"})),
-}

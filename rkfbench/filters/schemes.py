@@ -21,7 +21,6 @@ from typing import Annotated, NamedTuple, Protocol
 import numpy as np
 from annotated_types import Ge, Interval
 
-from rkfbench.catalogue import Entry, Limit
 from rkfbench.errors import SpecError
 from rkfbench.filters.base import Posterior
 from rkfbench.filters.moments import Moments
@@ -187,12 +186,3 @@ class Iterated:
             z, after = at.update(x, P, at.seen["S"])
             seen = seen or at.seen
         return Posterior(z, after, seen)
-
-
-SCHEMES: dict[str, Entry] = {
-    "once": Entry(Once),
-    "progressive": Entry(Progressive, paper="pekf-2017", equations="(37)-(38)", limits=(Limit({"dl": 1.0}, "once"),)),
-    "tempered": Entry(Tempered, paper="pekf-2017", equations="(2)", limits=(Limit({"dl": 1.0}, "once"),)),
-    "inflated": Entry(Inflated, limits=(Limit({"dl": 1.0}, "once"),)),
-    "iterated": Entry(Iterated, limits=(Limit({"iterations": 1}, "once"),)),
-}

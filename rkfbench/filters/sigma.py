@@ -23,7 +23,6 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from rkfbench.catalogue import Entry, Limit
 from rkfbench.errors import SpecError
 from rkfbench.filters.moments import Measured, Moments
 from rkfbench.linalg import Array, cholesky, eigh, mul, outer, solve, transpose
@@ -158,13 +157,6 @@ class Reusing:
 
     def slope(self, model: Model, x: Array, P: Array, k: int) -> Array:
         return self.rule.slope(model, x, P, k)
-
-
-MOMENTS: dict[str, Entry] = {
-    "unscented": Entry(Unscented, limits=(Limit({"alpha": 1.0, "beta": 0.0, "kappa": 0}, "cubature"),)),
-    "cubature": Entry(Cubature),
-    "divided_difference": Entry(DividedDifference),
-}
 
 
 def square_root(P: Array) -> Array:

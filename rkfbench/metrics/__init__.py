@@ -12,7 +12,7 @@ from annotated_types import Ge, Interval
 from rkfbench.catalogue import Catalogue, Entry
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
-from rkfbench.metrics import consistency, diagnostics, innovations, point
+from rkfbench.metrics import entries
 from rkfbench.metrics.base import RECORD, TRUTH, Metric, Trial
 from rkfbench.metrics.conditioning import (
     ConditionRatioTopPsi,
@@ -159,10 +159,7 @@ METRICS: dict[str, Entry] = Catalogue(
         "cond_S_top_lambda": Entry(cond_S_top_lambda, paper="aladkf-2020", equations="(43)-(44), (58)"),
         "gradient_rest": Entry(gradient_rest, paper="aladkf-2020", equations="(24)"),
         "argmin_distance": Entry(argmin_distance, paper="aladkf-2020", equations="(12), (36)"),
-        **diagnostics.METRICS,
-        **point.METRICS,
-        **consistency.METRICS,
-        **innovations.METRICS,
+        **entries.METRICS,
     },
 )
 

@@ -15,9 +15,8 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rkfbench.catalogue import Entry
 from rkfbench.linalg import Array, positive_definite
-from rkfbench.metrics.base import TRUTH, Each, Trial
+from rkfbench.metrics.base import Each, Trial
 from rkfbench.metrics.errors import SquaredError
 from rkfbench.models import wrap
 
@@ -208,18 +207,3 @@ def crossed() -> Parts:
 def score() -> Parts:
     """The error of a run as the scenario's `score` says; readings may mean different errors by it."""
     return {"quantity": Score(), "reduce": "last"}
-
-
-METRICS: dict[str, Entry] = {
-    "axis_rmse": Entry(axis_rmse, needs=TRUTH),
-    "stated_rmse": Entry(stated_rmse),
-    "radial_rmse": Entry(radial_rmse, needs=TRUTH),
-    "tangential_rmse": Entry(tangential_rmse, needs=TRUTH),
-    "radial_sd": Entry(radial_sd),
-    "tangential_sd": Entry(tangential_sd),
-    "excess": Entry(excess, paper="pekf-2017", equations="section 1", needs=TRUTH),
-    "excess_entry": Entry(excess_entry, paper="pekf-2017", equations="section 1", needs=TRUTH),
-    "indefinite": Entry(indefinite),
-    "crossed": Entry(crossed, needs=TRUTH),
-    "score": Entry(score, needs=TRUTH),
-}

@@ -6,8 +6,6 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Gt
 
-from rkfbench.catalogue import Entry
-from rkfbench.metrics.base import TRUTH
 from rkfbench.metrics.behaviour import Distance, Error, Fluctuation, Nees, Settling, StandardDeviation, State
 from rkfbench.metrics.histories import Beyond, MeanOf
 
@@ -76,17 +74,3 @@ def share_above(
 ) -> Parts:
     """Share of the steps at which something that the filter shows lies above a limit, in any component."""
     return {"quantity": Beyond(name=name, component=component, limit=float(limit), above=True)}
-
-
-METRICS: dict[str, Entry] = {
-    "state": Entry(state),
-    "error": Entry(error, needs=TRUTH),
-    "fluctuation": Entry(fluctuation, paper="daf", equations="conclusions", needs=TRUTH),
-    "settling": Entry(settling, needs=TRUTH),
-    "nees": Entry(nees, needs=TRUTH),
-    "sd": Entry(sd),
-    "distance": Entry(distance),
-    "mean_of": Entry(mean_of),
-    "share_below": Entry(share_below),
-    "share_above": Entry(share_above),
-}

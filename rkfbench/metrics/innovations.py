@@ -16,7 +16,6 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from annotated_types import Ge, Interval
 
-from rkfbench.catalogue import Entry
 from rkfbench.linalg import Array, cholesky, solve_lower
 from rkfbench.metrics.base import Each, Trial
 from rkfbench.metrics.histories import Shown
@@ -125,12 +124,3 @@ def innovation_rms(component: Annotated[str, "one measurement by its name; defau
 def log_likelihood() -> Parts:
     """Log density of the innovations under N(0, S), averaged over the steps with a measurement: larger is better."""
     return {"quantity": LogLikelihood(), "reduce": "mean_where"}
-
-
-METRICS: dict[str, Entry] = {
-    "nis": Entry(nis),
-    "nis_beyond": Entry(nis_beyond),
-    "whiteness": Entry(whiteness),
-    "innovation_rms": Entry(innovation_rms),
-    "log_likelihood": Entry(log_likelihood),
-}

@@ -15,9 +15,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from rkfbench.catalogue import Entry
 from rkfbench.linalg import Array
-from rkfbench.metrics.base import TRUTH, Each, Trial
+from rkfbench.metrics.base import Each, Trial
 from rkfbench.metrics.errors import SquaredError
 
 Base = Annotated[Literal["prior", "post"], "the covariance before or after y_j"]
@@ -105,12 +104,3 @@ def improvement(base: Base = "prior") -> dict[str, Any]:
 def distinct() -> dict[str, Any]:
     """Number of distinct copies of x_j that a particle smoother has left."""
     return {"quantity": Distinct()}
-
-
-METRICS: dict[str, Entry] = {
-    "mse_prior": Entry(mse_prior, needs=TRUTH),
-    "tracking_mse": Entry(tracking_mse, needs=TRUTH),
-    "trace": Entry(trace),
-    "improvement": Entry(improvement, paper="fpmcs-2024", equations="(33)"),
-    "distinct": Entry(distinct),
-}

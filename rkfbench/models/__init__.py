@@ -6,13 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from rkfbench.catalogue import Catalogue, Entry, build_kind
-from rkfbench.models.altitude import Altitude
 from rkfbench.models.base import Linear, Model, Observed, wrap
-from rkfbench.models.falling_body import FallingBody
 from rkfbench.models.navigation import Navigation
-from rkfbench.models.odometers import Odometers
-from rkfbench.models.range_bearing import RangeBearing
-from rkfbench.models.ungm import UNGM
 
 __all__ = ["MODELS", "Linear", "Model", "Navigation", "Observed", "build", "wrap"]
 
@@ -20,11 +15,11 @@ MODELS: dict[str, Entry] = Catalogue(
     "models",
     {
         "navigation": Entry(Navigation, paper="aladkf-2020", equations="(78)-(79)"),
-        "odometers": Entry(Odometers, paper="daf"),
-        "falling_body": Entry(FallingBody, paper="nrukf-2012"),
-        "range_bearing": Entry(RangeBearing, paper="pekf-2017", equations="(42)"),
-        "ungm": Entry(UNGM, paper="pekf-2017", equations="(44)"),
-        "altitude": Entry(Altitude, paper="pekf-2017", equations="(45)-(49)"),
+        "odometers": Entry("rkfbench.models.odometers:Odometers", paper="daf"),
+        "falling_body": Entry("rkfbench.models.falling_body:FallingBody", paper="nrukf-2012"),
+        "range_bearing": Entry("rkfbench.models.range_bearing:RangeBearing", paper="pekf-2017", equations="(42)"),
+        "ungm": Entry("rkfbench.models.ungm:UNGM", paper="pekf-2017", equations="(44)"),
+        "altitude": Entry("rkfbench.models.altitude:Altitude", paper="pekf-2017", equations="(45)-(49)"),
     },
 )
 

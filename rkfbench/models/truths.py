@@ -7,7 +7,6 @@ from typing import Any, Protocol
 
 from rkfbench.catalogue import Entry, build_kind
 from rkfbench.linalg import Array
-from rkfbench.models.drive import Drive
 
 
 class Truth(Protocol):
@@ -23,7 +22,7 @@ class Truth(Protocol):
 
 
 TRUTHS: dict[str, Entry] = {
-    "drive": Entry(Drive, paper="daf"),
+    "drive": Entry("rkfbench.models.drive:Drive", paper="daf"),
 }
 
 

@@ -9,8 +9,6 @@ from typing import Any, Literal, Protocol
 
 from rkfbench.catalogue import Entry, build_kind
 from rkfbench.noise.base import Sample
-from rkfbench.noise.gross_errors import GrossErrors
-from rkfbench.noise.shots import Shots
 from rkfbench.streams import Streams
 
 
@@ -30,8 +28,8 @@ class Disturbance(Protocol):
 
 
 DISTURBANCES: dict[str, Entry] = {
-    "gross_errors": Entry(GrossErrors, paper="daf"),
-    "shots": Entry(Shots, paper="fpmcs-2024", equations="section 3"),
+    "gross_errors": Entry("rkfbench.noise.gross_errors:GrossErrors", paper="daf"),
+    "shots": Entry("rkfbench.noise.shots:Shots", paper="fpmcs-2024", equations="section 3"),
 }
 
 

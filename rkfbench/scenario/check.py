@@ -45,7 +45,8 @@ class Checker:
         if faults:
             _look_into_parts(spec, faults)
             return spec, None, faults
-        data: dict[str, Any] = plain(shape.model_dump()) | completed_kinds(spec) | {"filters": filters}
+        completed = completed_kinds(spec) | {"filters": filters}
+        data: dict[str, Any] = plain(shape.model_dump(exclude=completed.keys())) | completed
         if whole:
             attempt(faults, lambda: Made.of(data))
         return spec, None if faults else data, faults

@@ -3,7 +3,7 @@ import pytest
 
 from rkfbench.filters import build
 from rkfbench.filters.flow import grid
-from rkfbench.models import RangeBearing
+from rkfbench.models.range_bearing import RangeBearing
 from tests.oracles.linear import linear_filter
 from tests.problems import linear_problem
 

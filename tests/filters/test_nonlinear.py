@@ -5,8 +5,9 @@ from filterpy.kalman import ExtendedKalmanFilter
 from rkfbench.errors import SpecError
 from rkfbench.experiment import Experiment
 from rkfbench.filters import build
-from rkfbench.models import UNGM, RangeBearing
 from rkfbench.models.base import Smooth
+from rkfbench.models.range_bearing import RangeBearing
+from rkfbench.models.ungm import UNGM
 from rkfbench.streams import Streams
 from tests.oracles import nonlinear as oracle
 from tests.problems import Bent, spd

@@ -5,7 +5,8 @@ from filterpy.kalman import JulierSigmaPoints, MerweScaledSigmaPoints, Unscented
 from rkfbench.errors import SpecError
 from rkfbench.filters import build
 from rkfbench.filters.sigma import Cubature, DividedDifference, Unscented, square_root
-from rkfbench.models import Altitude, RangeBearing
+from rkfbench.models.altitude import Altitude
+from rkfbench.models.range_bearing import RangeBearing
 from tests.oracles import nonlinear as oracle
 from tests.oracles.linear import linear_filter
 from tests.problems import Bent, linear_problem, spd

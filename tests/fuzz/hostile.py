@@ -24,9 +24,55 @@ NUMBERS = st.one_of(
     st.floats(),
 )
 WORDS = st.sampled_from(
-    "kf hkf ukf rmse rmse@k rmse[px] err_norm@k err_norm@3..1 time_ms body law model gaussian laplace contaminated kind"
-    " use label extra assumed truth cov mean rate steps px times of joint literal <<  . .. , = == a=b a,b * ? [ {x}"
-    " ../../../etc/passwd /dev/zero /dev/stdin !!python/object:os.system".split(" ")
+    [
+        "kf",
+        "hkf",
+        "ukf",
+        "rmse",
+        "rmse@k",
+        "rmse[px]",
+        "err_norm@k",
+        "err_norm@3..1",
+        "time_ms",
+        "body",
+        "law",
+        "model",
+        "gaussian",
+        "laplace",
+        "contaminated",
+        "kind",
+        "use",
+        "label",
+        "extra",
+        "assumed",
+        "truth",
+        "cov",
+        "mean",
+        "rate",
+        "steps",
+        "px",
+        "times",
+        "of",
+        "joint",
+        "literal",
+        "<<",
+        "",
+        ".",
+        "..",
+        ",",
+        "=",
+        "==",
+        "a=b",
+        "a,b",
+        "*",
+        "?",
+        "[",
+        "{x}",
+        "../../../etc/passwd",
+        "/dev/zero",
+        "/dev/stdin",
+        "!!python/object:os.system",
+    ]
 )
 TEXTS = st.one_of(
     WORDS,
@@ -97,7 +143,9 @@ PIECES = st.sampled_from(
         "\n\n  \n - ",
         "steps: 9\nsteps: 9\n",
         "=======\n",
-        "bomb: [&a [x,x,x,x,x,x,x,x,x], " + ", ".join(f"&{b} [{', '.join(['*' + a] * 9)}]" for a, b in zip("abcdefghi", "bcdefghij", strict=True)) + "]\n",
+        "bomb: [&a [x,x,x,x,x,x,x,x,x], "
+        + ", ".join(f"&{b} [{', '.join(['*' + a] * 9)}]" for a, b in zip("abcdefghi", "bcdefghij", strict=True))
+        + "]\n",
         "sweep: {start.truth: [" + "1, " * 20_000 + "1]}\n",
         "long: " + "x" * 1_000_000 + "\n",
         "k" * 2_000 + ": 1\n",
@@ -148,7 +196,9 @@ def mutated(draw: st.DrawFn, bases: dict[str, str]) -> str:
 def spliced(draw: st.DrawFn, bases: dict[str, str]) -> str:
     """One of the texts with a piece cut out and another one put in."""
     text = bases[draw(st.sampled_from(sorted(bases)))]
-    starts = st.one_of(st.sampled_from([each.start() for each in re.finditer("^", text, re.M)]), st.integers(0, len(text)))
+    starts = st.one_of(
+        st.sampled_from([each.start() for each in re.finditer("^", text, re.M)]), st.integers(0, len(text))
+    )
     start, length = draw(starts), draw(st.integers(0, 30))
     return text[:start] + draw(st.one_of(PIECES, PIECES, st.text(max_size=8))) + text[start + length :]
 
@@ -162,7 +212,9 @@ def options(draw: st.DrawFn, text: str) -> dict[str, list[str]]:
     values = st.one_of(VALUES.map(written), TEXTS)
     ranges = st.one_of(
         st.tuples(NUMBERS, NUMBERS, NUMBERS).map(lambda three: ":".join(map(str, three))),
-        st.sampled_from(["0:1:1000000000", "1e308:-1e308:5", "0:inf:3", "nan:1:3", ",", ",,,", "1:2:3:4", "[1,2]", "::"]),
+        st.sampled_from(
+            ["0:1:1000000000", "1e308:-1e308:5", "0:inf:3", "nan:1:3", ",", ",,,", "1:2:3:4", "[1,2]", "::"]
+        ),
         st.lists(SMALL_VALUES.map(str), max_size=5).map(",".join),
     )
     made = {"sets": st.tuples(path, values), "sweeps": st.tuples(path, st.one_of(ranges, values))}

@@ -18,7 +18,9 @@ from tests.fuzz.limits import PROFILE, bounded
 
 # Problems with a place in a file or in an option; what is wrong with a file as a whole has none.
 PLACE = re.compile(r"[^\n]*?(\.yaml:\d+:\d+: |--(set|sweep) )", re.S)
-WHOLE = re.compile(r".*\.yaml(:\d+)?: (the file is empty|not a text file|not UTF-8 text|contains characters that|larger)", re.S)
+WHOLE = re.compile(
+    r".*\.yaml(:\d+)?: (the file is empty|not a text file|not UTF-8 text|contains characters that|larger)", re.S
+)
 
 
 def loaded(text: str, load: Any = load, **options: list[str]) -> Any:

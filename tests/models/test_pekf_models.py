@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
-from rkfbench.models import UNGM, Altitude, RangeBearing, build
+from rkfbench.models import build
+from rkfbench.models.altitude import Altitude
+from rkfbench.models.range_bearing import RangeBearing
+from rkfbench.models.ungm import UNGM
 
 QUADRANTS = [(a, b) for a in (1, -1) for b in (1, -1)]
 

@@ -1,4 +1,4 @@
-"""SIGKILL, at any moment: what is on the disk is whole, no process stays behind, the same command goes on from there."""
+"""SIGKILL, at any moment: what is on the disk is whole, no process stays behind, the same command goes on."""
 
 from __future__ import annotations
 

@@ -13,8 +13,10 @@ from rkfbench.claims.checks import Check, Outcome
 from rkfbench.filters import build
 from rkfbench.filters.base import Posterior
 from rkfbench.linalg import Array
-from rkfbench.models import UNGM, Model, RangeBearing
+from rkfbench.models import Model
 from rkfbench.models.base import Linear
+from rkfbench.models.range_bearing import RangeBearing
+from rkfbench.models.ungm import UNGM
 
 N, M = 4, 3  # dimensions of the random linear systems
 SYSTEMS = 20
