@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import product
-from math import isqrt
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rkfbench.claims import replicates
+from rkfbench.claims.combinations import least_eigenvalue, share_terms
 from rkfbench.claims.expression import Expression
 from rkfbench.claims.verdict import Measured
 
@@ -252,21 +251,6 @@ class _Runs:
         return self.chosen[filter, case]
 
 
-def share_terms(coefficients: Array, flags: Array) -> tuple[tuple[float, int], ...]:
-    """A sum of shares as terms (v, number of runs) with sum v number/runs its value; flags (k, M) are 0 or 1.
-
-    The values v that the sum takes in single runs, where they are no more than the shares (of a - b: 1 and -1), so
-    that runs in which both are flagged cancel; else the shares themselves with their coefficients.
-    """
-    k = len(coefficients)
-    patterns = np.array(list(product((0.0, 1.0), repeat=k))).T if k <= 3 else np.zeros((k, 0))
-    possible = [float(v) for v in np.unique(np.round(coefficients @ patterns, 12)) if v]
-    if 0 < len(possible) <= k:
-        values = np.round(coefficients @ flags, 12)
-        return tuple((v, int((values == v).sum())) for v in possible)
-    return tuple((float(c), int(each.sum())) for c, each in zip(coefficients, flags, strict=True))
-
-
 def _evaluate(point: Point, statistic: Callable[[str, str, str], Array]) -> Array:
     """The replicate array of a point: arithmetic over cases of arithmetic over filters of arithmetic over metrics."""
     return np.asarray(
@@ -289,26 +273,9 @@ def _combine(estimand: Estimand, parts: list[Array]) -> Array:
         case "slope":
             return np.asarray(sum(w * part for w, part in zip(estimand.weights, parts, strict=True)))
         case "eigenvalue":
-            return _least_eigenvalue(parts)
+            return least_eigenvalue(parts)
         case _:
             return parts[0]
-
-
-def _least_eigenvalue(parts: list[Array]) -> Array:
-    """The least eigenvalue for each replicate of a symmetric matrix, from its lower triangle row by row."""
-    n = triangle(len(parts))
-    rows, columns = np.tril_indices(n)
-    matrix = np.full((n, n, parts[0].size), np.nan)
-    matrix[rows, columns] = matrix[columns, rows] = np.array(parts)
-    if not np.isfinite(matrix).all():
-        return np.full(parts[0].size, np.nan)
-    return np.asarray(np.linalg.eigvalsh(np.moveaxis(matrix, 2, 0))[:, 0])
-
-
-def triangle(count: int) -> int:
-    """n such that n (n + 1)/2 is the count; 0 if there is none."""
-    n = (isqrt(8 * count + 1) - 1) // 2
-    return n if n * (n + 1) // 2 == count else 0
 
 
 def _scale(estimand: Estimand, parts: Iterable[Array], combined: Array) -> float:

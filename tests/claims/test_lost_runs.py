@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rkfbench.claims.measure import share_terms
+from rkfbench.claims.combinations import share_terms
 from rkfbench.claims.records import record, stored
 from rkfbench.claims.verdict import Measured, interval
 from rkfbench.claims.words import sentence
