@@ -7,7 +7,6 @@ what is named, and what that imports.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import sys
 import traceback
 from collections.abc import Iterator, Mapping
@@ -207,6 +206,8 @@ def _current() -> Path:
 
 def _executed(file: Path) -> ModuleType:
     """The module that a file makes. It may import what lies in the scenario's folder, after all that is installed."""
+    import importlib.util
+
     if str(_current()) not in sys.path:
         sys.path.append(str(_current()))
     importlib.invalidate_caches()
