@@ -55,9 +55,9 @@ def check(
     known_as = f"{Path(home).name}:{attribute}" if home.endswith(".py") and colon else name
     entry = lookup(FILTERS, "filter", known_as)
     params: dict[str, Any] = {}
-    for each in sets:
-        key, _, value = each.partition("=")
-        params[key.strip()] = plain(parse_value(value, Mark(f"--set {each}")))
+    for option in sets:
+        key, _, value = option.partition("=")
+        params[key.strip()] = plain(parse_value(value, Mark(f"--set {option}")))
     make = partial(build, known_as, **params)
     results = list(contract.results(make, entry.limits, "streams" in entry.needs, on_problems))
     findings = [(each, text) for each in results for text in each.findings]

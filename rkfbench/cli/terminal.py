@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rkfbench.study.events import Event, Failure
 
 MOST_NAMED = 3  # cases that one line names
-MOST_FAILURES = 1  # of one filter that are told
+MOST_FAILURES = 3  # of one filter that are told
 
 
 @dataclass

@@ -71,7 +71,8 @@ def _entry(group: str, name: str, target: Any) -> Entry:
     make.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in own.values()]
     )
-    return Entry(make, needs=frozenset(getattr(target, "needs", ())), limits=tuple(getattr(target, "limits", ())))
+    declared = {key: getattr(target, key, ()) for key in ("needs", "limits") if key not in signature}
+    return Entry(make, needs=frozenset(declared.get("needs", ())), limits=tuple(declared.get("limits", ())))
 
 
 def _signature(name: str, target: Any) -> tuple[dict[str, inspect.Parameter], dict[str, Any]]:

@@ -9,6 +9,9 @@ Which one it is, the parameters of the named function or class say:
 All other parameters are the scenario's. One run is given y (T, m) or (m,), x0 (n,), P0, Q and R; model.f(x, k) and the
 other functions of a model serve a single x (n,) as well. predict and update are given k if they have a parameter k, and
 whatever is named `rng` is a numpy Generator of the run's own.
+
+`limits` of the named function or class, a tuple of `rkfbench.catalogue.Limit`, are settings in which it must equal
+another filter: `rkfbench check` tries them. `needs = {"streams"}` says that a batch filter draws random numbers.
 """
 
 from __future__ import annotations
@@ -272,8 +275,9 @@ def sound(name: str, estimate: Any, shape: tuple[int, int, int], keep: Collectio
         raise PluginFault(f"{name} returned means of shape {np.shape(estimate.mean)}, expected {(times, n, M)}")
     if np.shape(estimate.failed) != (M,):
         raise PluginFault(f"{name} returned `failed` of shape {np.shape(estimate.failed)}, expected {(M,)}")
-    if "cov" in keep and np.shape(estimate.cov) not in ((times, n, n, M), (times, n, n, 1)):
-        found = "no covariances" if estimate.cov is None else f"covariances of shape {np.shape(estimate.cov)}"
+    of_cov = () if estimate.cov is None else np.shape(estimate.cov)
+    if "cov" in keep and of_cov not in ((times, n, n, M), (times, n, n, 1)):
+        found = "no covariances" if estimate.cov is None else f"covariances of shape {of_cov}"
         raise PluginFault(f"{name} returned {found}, expected {(times, n, n, M)} or {(times, n, n, 1)}")
     if lacking := set(keep) - {"cov"} - estimate.extras.keys():
         raise PluginFault(f"{name} was asked to keep {', '.join(sorted(lacking))} and did not")
@@ -284,4 +288,4 @@ def sound(name: str, estimate: Any, shape: tuple[int, int, int], keep: Collectio
 def buried(mean: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Means with NaN in a run from the first value on that is no finite number, and the runs that have one."""
     dead = np.logical_or.accumulate(~np.isfinite(mean).all(1, keepdims=True), axis=0)
-    return (np.where(dead, np.nan, mean) if dead.any() else mean), dead.any((0, 1))
+    return (np.where(dead, np.nan, mean) if dead.any() else mean), np.asarray(dead.any((0, 1)))

@@ -7,7 +7,6 @@ what is named, and what that imports.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import sys
 import traceback
 from collections.abc import Iterator, Mapping
@@ -68,7 +67,7 @@ def short(name: Any) -> Any:
 
 
 def beside(folder: Path) -> None:
-    """Look for the files of plug-ins in `folder` from now on; what has changed on the disk is imported anew."""
+    """Look for the files of plug-ins in `folder` from now on; those that have changed on the disk are imported anew."""
     folder = folder.resolve()
     if [folder] != _folder:
         stale = [home for home, old in _loaded.items() if old.folder is not None]
@@ -76,7 +75,7 @@ def beside(folder: Path) -> None:
             sys.path.remove(str(_folder[0]))
         _folder[:] = [folder]
     else:
-        stale = [home for home, old in _loaded.items() if old.stale]
+        stale = [home for home, old in _loaded.items() if old.folder is not None and old.stale]
     for home in stale:
         _forget(home)
 
@@ -207,6 +206,8 @@ def _current() -> Path:
 
 def _executed(file: Path) -> ModuleType:
     """The module that a file makes. It may import what lies in the scenario's folder, after all that is installed."""
+    import importlib.util
+
     if str(_current()) not in sys.path:
         sys.path.append(str(_current()))
     importlib.invalidate_caches()
@@ -215,11 +216,14 @@ def _executed(file: Path) -> ModuleType:
     spec = importlib.util.spec_from_loader(name, loader)
     assert spec is not None
     module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # nor of its neighbours, see FromSource
     try:
         loader.exec_module(module)
     except BaseException:
         del sys.modules[name]
         raise
+    finally:
+        sys.dont_write_bytecode = writes
     return module
 
 
@@ -227,7 +231,7 @@ class FromSource(SourceFileLoader):
     """Compiles the file as it is now: compiled code that is kept beside it may be that of the last edit."""
 
     def get_code(self, fullname: str) -> CodeType:
-        return self.source_to_code(self.get_data(self.path), self.path)  # type: ignore[no-any-return]
+        return self.source_to_code(self.get_data(self.path), self.path)
 
 
 def _place(error: BaseException) -> str:

@@ -6,12 +6,10 @@ Imports are read from the sources, not from what happens to be loaded, so the ha
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 
 COVERED = "rkfbench"  # our own code has a hash of its own
@@ -55,6 +53,8 @@ def digest(inside: Mapping[str, Path], installed: bool) -> str:
 
 def imports(path: Path, module: str) -> Iterator[str]:
     """The dotted names that the import statements of a file may mean."""
+    import ast
+
     try:
         tree = ast.parse(path.read_bytes())
     except (SyntaxError, ValueError):  # not Python, or told where it is imported
@@ -93,6 +93,8 @@ def _files(root: Path, name: str) -> Iterator[tuple[str, Path]]:
 @cache
 def _version(package: str) -> str:
     """The version of the installed distribution that has a top-level package; "" when there is none."""
+    from importlib import metadata
+
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -42,7 +42,7 @@ class {name}:
 '''
 
 BATCH = '''\
-"""{name}: a filter of all runs at once. `rkfbench check {name}.py:{name}` tries it, `rkfbench run {name}.yaml` compares it."""
+"""{name}: a filter of all runs. `rkfbench check {name}.py:{name}` tries it, `rkfbench run {name}.yaml` compares it."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -69,7 +69,8 @@ class Clip:
 
 
 # The parameters can be set in a scenario: {{use: {name}.py:{name}, threshold: 2}}. Any object with the method
-# run(model, y, x0, P0, *, Q, R, keep, known, streams) -> rkfbench.filters.Estimate is a filter; this one is made of parts.
+# run(model, y, x0, P0, *, Q, R, keep, known, streams) -> rkfbench.filters.Estimate is a filter;
+# this one is made of parts.
 def {name}(threshold: Annotated[float, Gt(0), "in standard deviations"] = 3.0):
     """Kalman filter whose innovations are clipped at some standard deviations."""
     return GaussianFilter(moments=Taylor(), weight=Clip(threshold))

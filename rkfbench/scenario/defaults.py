@@ -50,7 +50,7 @@ def completed_filter(spec: Any) -> Any:
     for part, catalogue in PARTS.items():
         if part in new:
             new[part] = _completed_part(catalogue, new[part])
-    for name in new.keys() - PARTS.keys():
+    for name in new.keys() - PARTS.keys() - {"assumed"}:
         if isinstance(new[name], dict) and find(FILTERS, name):
             new[name] = {**defaults(FILTERS, name), **new[name]}
             if "filter" in new[name]:

@@ -116,7 +116,7 @@ def _entries(spec: Any) -> Iterator[tuple[tuple[str, ...], Entry, Map]]:
                 if isinstance(params, Map) and (entry := find(catalogue, name)):
                     yield (part, name), entry, params
     for name, params in spec.items():
-        if name not in PARTS and isinstance(params, Map) and (entry := find(FILTERS, name)):
+        if name not in (*PARTS, *HEAD) and isinstance(params, Map) and (entry := find(FILTERS, name)):
             yield (name,), entry, params
             for path, entry, inner in _entries(params.get("filter")):
                 yield (name, "filter", *path), entry, inner

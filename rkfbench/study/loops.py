@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rkfbench.errors import RkfbenchError
 from rkfbench.study.events import Looped
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ def _times(unit: Unit, labels: Sequence[str]) -> Iterator[tuple[str, float, floa
     """Label, and seconds a run and step of the filter and of a batch filter."""
     from rkfbench.experiment import Experiment
     from rkfbench.filters import build
-    from rkfbench.own.faults import PluginFault
     from rkfbench.own.filters import OneByOne
     from rkfbench.streams import Streams
     from rkfbench.study.timing import seconds
@@ -46,18 +46,19 @@ def _times(unit: Unit, labels: Sequence[str]) -> Iterator[tuple[str, float, floa
     loops = [label for label in labels if isinstance(experiment.filters[label][0], OneByOne)]
     if not loops:
         return
-    batch = build("kf" if experiment.model.linear else "ekf")
+    model = experiment.model
+    batch = build("kf" if model.linear else "ekf" if hasattr(model, "F") and hasattr(model, "H") else "ckf")
     experiment = replace(experiment, filters={**experiment.filters, "": (batch, experiment.told)})
-    try:
-        world = experiment.simulate(Streams(0))
-    except Exception:  # of a plug-in's law or model: told when its work is done
-        return
-    steps, runs = min(experiment.steps, STEPS), world.y.shape[2]
+    steps = min(experiment.steps, STEPS)
 
     def least(label: str, M: int) -> float:
         return min(seconds(experiment, world, label, slice(0, M), steps) for _ in range(REPEATS)) / M / steps
 
-    reference = least("", runs)
+    try:
+        world = experiment.simulate(Streams(0))
+        reference = least("", world.y.shape[2])
+    except Exception:  # of a plug-in's law or model: told when the work is done
+        return
     for label in loops:
-        with suppress(PluginFault):  # told when its work is done
+        with suppress(RkfbenchError):  # told when its work is done
             yield label, least(label, 1), reference

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
@@ -123,13 +123,13 @@ def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
     }
     if spec.get("data"):
         common["data"] = digest(_contents(spec["data"]))
-    return {label: {**common, "filter": one, **_plugins(spec, label)} for label, one in filters.items()}
+    return {label: {**common, "filter": one, **_plugins(spec, {label, *partners})} for label, one in filters.items()}
 
 
-def _plugins(spec: Mapping[str, Any], label: str) -> Key:
-    """The hashes of the plug-ins that the numbers of a filter come from: all but those of the other filters."""
+def _plugins(spec: Mapping[str, Any], labels: Set[str]) -> Key:
+    """The hashes of the plug-ins that numbers come from: those of the filters `labels`, and all that are no filters."""
     sources = spec.get("plugins", {}).get("sources", {})
-    mine = [each for each in spec["filters"] if each["label"] == label]
+    mine = [each for each in spec["filters"] if each["label"] in labels]
     named = set(own.texts({**spec, "filters": mine, "plugins": None}))
     found = {name: digest for name, digest in sources.items() if name in named}
     return {"plugins": found} if found else {}

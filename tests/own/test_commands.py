@@ -120,6 +120,20 @@ def test_a_limit_that_does_not_hold_is_found():
     assert "not equal to kf" in next(contract.limit_holds(make, Limit({"threshold": 1.0}, "kf"), problem))
 
 
+def test_check_tries_the_limits_that_a_filter_declares(folder):
+    (folder / "huber.py").write_text(
+        "from rkfbench.catalogue import Limit\nfrom rkfbench.filters import build\n\n\n"
+        "def mine(threshold=1.0, limits=3):\n    return build('hkf', threshold=threshold)\n\n\n"
+        "def claims(threshold=1.0):\n    return build('hkf', threshold=threshold)\n\n\n"
+        "claims.limits = (Limit({'threshold': 1e9}, 'kf'), Limit({'threshold': 2.0}, 'kf'))\n"
+    )
+    result = rkfbench("check", "huber:claims")
+    assert result.exit_code == 1
+    assert "huber:claims on navigation, limit 2: with {'threshold': 2.0} it is not equal to kf" in result.stdout
+    assert "limit 1" not in result.stdout
+    assert rkfbench("check", "huber:mine").exit_code == 0
+
+
 @pytest.mark.parametrize("options", [[], ["--batch"]])
 def test_a_new_filter_passes_and_runs(options):
     assert rkfbench("new", "filter", "mine", *options).stdout == "mine.py\nmine.yaml\n"

@@ -8,7 +8,7 @@ import yaml
 
 from rkfbench.scenario import load
 from rkfbench.store import Results
-from rkfbench.study import engines
+from rkfbench.study import engines, plan
 from rkfbench.study.events import Looped, Recomputing
 from rkfbench.study.run import run_study
 from tests.conftest import SMALL
@@ -56,7 +56,7 @@ def test_numbers_are_used_again_until_the_source_changes(scenario, tmp_path):
     assert (outcome.computed, reasons) == (2, ["source of plugins.py:stepwise changed"])
 
 
-def test_only_the_numbers_of_the_changed_filter_are_computed(scenario, tmp_path, monkeypatch):
+def test_only_the_numbers_of_the_changed_filter_are_computed(scenario, tmp_path):
     (scenario.parent / "other.py").write_text(
         "from rkfbench.filters import build\n\n\ndef mine():\n    return build('kf')\n"
     )
@@ -72,6 +72,32 @@ def test_only_the_numbers_of_the_changed_filter_are_computed(scenario, tmp_path,
 
     study(scenario, tmp_path / "r", engine=engine)
     assert {job.labels for job in jobs} == {("mine",)}
+
+
+def test_numbers_measured_against_a_changed_filter_are_computed_too(scenario, tmp_path):
+    against = OWN.replace("metrics: [err_norm", "metrics: ['distance(to=whole)', err_norm")
+    against = against.replace("filters: [kf, {use: plugins.py:stepwise, inflate: [1, 4]}", "filters: [kf, hkf")
+    scenario.write_text(against)
+    study(scenario, tmp_path / "r")
+    with (scenario.parent / "plugins.py").open("a") as file:
+        file.write("# better\n")
+    units = plan.units(load(scenario), tmp_path / "r", full=False)
+    looked_up = [plan.look_up(unit) for unit in units]
+    assert {each.missing for each in looked_up} == {("kf", "hkf", "whole")}
+    assert {each.reason for each in looked_up} == {"source of plugins:whole changed"}
+
+
+def test_a_model_that_raises_is_named(scenario):
+    (scenario.parent / "late.py").write_text(
+        "from plugins import Walk\n\n\nclass Late(Walk):\n    def f(self, x, k):\n"
+        "        if k > 3:\n            raise ValueError('too late')\n        return x\n"
+    )
+    text = OWN.replace(FILTERS, "filters: [ekf, ukf]").replace("1, 1, 1, 1", "1, 1").replace("0, 0, 0, 0", "0, 0")
+    lines = ["model: {kind: 'late:Late'}" if line.startswith("model:") else line for line in text.splitlines()]
+    scenario.write_text("\n".join(lines))
+    result = rkfbench("run", scenario)
+    assert result.exit_code == 1
+    assert "filter ukf, block 0: late:Late raised ValueError: too late (late.py, line 7)" in result.stderr
 
 
 def test_worker_processes_find_the_plugins_and_give_the_same_bytes(scenario, tmp_path):
@@ -127,12 +153,13 @@ def test_an_error_in_a_plugin_is_told_at_its_line_and_nothing_runs(scenario):
     result = rkfbench("run", scenario)
     assert result.exit_code == 2
     assert "small.yaml:16:55: filters.stepwise[inflate=-4].inflate: should be greater than 0" in result.stderr
-    assert "small.yaml:16:62: filters.whale.use: plugins has no 'whale' (did you mean 'whole'?)" in result.stderr
+    assert "small.yaml:16:61: filters.whale.use: plugins has no 'whale' (did you mean 'whole'?)" in result.stderr
     assert not Path("results").exists()
 
 
 def test_a_plugin_that_raises_is_one_message_and_the_others_complete(scenario):
-    scenario.write_text(OWN.replace("plugins:whole", "plugins:in_place"))
+    raising = OWN.replace("plugins:whole", "plugins:in_place")
+    scenario.write_text(raising.replace("rate: [0, 0.4]", "rate: [0, 0.1, 0.2, 0.3, 0.4]"))
     result = rkfbench("run", scenario)
     assert result.exit_code == 1
     told = [line for line in result.stderr.splitlines() if "in_place" in line]
@@ -140,7 +167,7 @@ def test_a_plugin_that_raises_is_one_message_and_the_others_complete(scenario):
         "small: case rate=0 (default), filter in_place, block 0: plugins:in_place in run 0 changes its argument y in "
         "place (x = x + d instead of x += d leaves it as it is)"
     )
-    assert told[1:] == ["small: filter in_place: 1 more failures (-v tells all)"]
+    assert told[3:] == ["small: filter in_place: 2 more failures (-v tells all)"]
     assert {row["filter"] for row in Results.open("results/small").summary} == {
         "kf",
         "stepwise[inflate=1]",

@@ -19,7 +19,7 @@ def test_filters_are_interleaved_and_measured_in_both_forms(monkeypatch):
 
 def test_a_time_is_scaled_to_the_steps_of_a_run_and_to_one_run_and_step(monkeypatch):
     monkeypatch.setattr(timing, "REPEATS", 1)
-    monkeypatch.setattr(timing, "_seconds", lambda experiment, world, label, runs, steps: 0.001 * steps)
+    monkeypatch.setattr(timing, "seconds", lambda experiment, world, label, runs, steps: 0.001 * steps)
     found = {t.metric: t.value for t in timing.measure("case", {**SPEC, "steps": 400}, 1, ["kf"])}
     assert found["time_ms"] == 400.0  # 1 ms a step, 400 steps
     assert abs(found["time_ns"] - 1e6 / 128) < 1e-6
