@@ -61,7 +61,7 @@ class Pool:
     def ordered(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
         """function(item) of each item, in their order; all are handed over at once."""
         with _told():
-            for future in [self._submit(function, item) for item in items]:
+            for future in [self.submit(function, item) for item in items]:
                 yield future.result()
 
     def unordered(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
@@ -69,10 +69,11 @@ class Pool:
         from concurrent.futures import as_completed
 
         with _told():
-            for future in as_completed([self._submit(function, item) for item in items]):
+            for future in as_completed([self.submit(function, item) for item in items]):
                 yield future.result()
 
-    def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+    def submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+        """function(item), to be done by a process."""
         if self._processes is None:
             import multiprocessing
             from concurrent.futures import ProcessPoolExecutor
