@@ -60,7 +60,7 @@ class Pool:
 
     def ordered(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
         """function(item) of each item, in their order; all are handed over at once."""
-        with _told():
+        with told():
             for future in [self.submit(function, item) for item in items]:
                 yield future.result()
 
@@ -68,7 +68,7 @@ class Pool:
         """function(item) of each item, each as soon as it is there."""
         from concurrent.futures import as_completed
 
-        with _told():
+        with told():
             for future in as_completed([self.submit(function, item) for item in items]):
                 yield future.result()
 
@@ -85,7 +85,7 @@ class Pool:
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def told() -> Iterator[None]:
     """The death of a worker as one message for the user."""
     from concurrent.futures.process import BrokenProcessPool
 
