@@ -27,11 +27,14 @@ class Aside:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        interrupted = kind is not None and not issubclass(kind, Exception)
         try:
             if kind is None:
                 self.wait()
+        except BaseException as late:
+            kind = type(late)
+            raise
         finally:
+            interrupted = kind is not None and not issubclass(kind, Exception)
             if self._thread is not None:
                 self._thread.shutdown(wait=not interrupted, cancel_futures=interrupted)
 

@@ -62,8 +62,8 @@ class Pool:
 
     def ordered(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
         """function(item) of each item, in their order; all are handed over at once."""
-        with _told():
-            for future in [self._submit(function, item) for item in items]:
+        with told():
+            for future in [self.submit(function, item) for item in items]:
                 yield future.result()
 
     def fed(self, function: Callable[[Item], Result], take: Callable[[], Item | None]) -> Iterator[tuple[Item, Result]]:
@@ -73,16 +73,17 @@ class Pool:
         from concurrent.futures import FIRST_COMPLETED, wait
 
         running: dict[Future[Result], Item] = {}
-        with _told():
+        with told():
             while True:
                 while len(running) < AHEAD * self.workers and (item := take()) is not None:
-                    running[self._submit(function, item)] = item
+                    running[self.submit(function, item)] = item
                 if not running:
                     return
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     yield running.pop(future), future.result()
 
-    def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+    def submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+        """function(item), to be done by a process."""
         if self._processes is None:
             import multiprocessing
             from concurrent.futures import ProcessPoolExecutor
@@ -95,7 +96,7 @@ class Pool:
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def told() -> Iterator[None]:
     """The death of a worker as one message for the user."""
     from concurrent.futures.process import BrokenProcessPool
 

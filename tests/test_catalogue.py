@@ -1,13 +1,18 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pytest
 from annotated_types import Gt, Interval
 
 from rkfbench.catalogue import Entry, build, build_kind, parameter_model, parameters
+from rkfbench.cli.look import CATALOGUES
 from rkfbench.errors import Problem, ScenarioError, SpecError
 
 
@@ -33,6 +38,7 @@ def stick(*, length: Annotated[int, Interval(ge=1, le=9)], straight: bool = True
     return length, straight
 
 
+ROOT = Path(__file__).parents[1]
 THINGS = {"ball": Entry(Ball, paper="things-1990", equations="(1)"), "stick": Entry(stick)}
 
 
@@ -40,6 +46,31 @@ def faults(name: str, **params: Any) -> dict[str, str]:
     with pytest.raises(SpecError) as error:
         build(THINGS, "thing", name, params)
     return {".".join(map(str, each.path)): each.message for each in error.value}
+
+
+def test_an_entry_may_name_what_it_stands_for_which_is_imported_when_it_is_used() -> None:
+    named = {"ball": Entry(f"{__name__}:Ball"), "nothing": Entry("no.such.module:thing")}
+    assert list(named) == ["ball", "nothing"]
+    assert build(named, "thing", "ball", {"radius": 2}) == Ball(2)
+    assert named["ball"].summary == THINGS["ball"].summary
+
+
+@pytest.mark.parametrize("kind", CATALOGUES)
+def test_every_entry_names_something_that_is_there(kind: str) -> None:
+    module, name = CATALOGUES[kind]
+    catalogue = getattr(import_module(module), name)
+    assert [name for name, entry in catalogue.items() if not entry.summary or not callable(entry.make)] == []
+
+
+def test_names_are_listed_without_importing_what_they_stand_for() -> None:
+    code = (
+        "import sys; from rkfbench.filters import FILTERS; from rkfbench.metrics import METRICS\n"
+        "assert 'pf' in FILTERS and 'nees' in METRICS\n"
+        "print([name for name in ('filters.particle', 'filters.nrukf', 'metrics.behaviour', 'models.ungm')"
+        " if f'rkfbench.{name}' in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout == "[]\n"
 
 
 def test_the_summary_is_the_first_paragraph() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from rkfbench.errors import UsageError
+from rkfbench.pool import Pool
 from rkfbench.report.render import Outcome, render
 from rkfbench.store import Results, files, manifest
 from tests.report import fakes
@@ -31,6 +32,15 @@ def test_every_figure_and_table_is_written_and_the_folder_is_sealed(rendered: tu
     expected += [f"{table}.{kind}" for table in ("table1", "table2") for kind in ("csv", "md", "tex")]
     assert sorted(path.name for path in written) == sorted(expected)
     assert "figures/fig1.root.png" in Results.open(folder).manifest["files"]
+
+
+def test_any_number_of_processes_draws_the_same_bytes(
+    rendered: tuple[Path, list[Path]], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rkfbench.pool.START_UP", 0)
+    with Pool(2) as pool:
+        assert [path.name for path in render(folder, pool)] == [path.name for path in rendered[1]]
+    assert made(folder) == made(rendered[0])
 
 
 def test_a_folder_without_the_numbers_of_single_runs_renders_to_the_same_bytes(

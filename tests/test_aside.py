@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from rkfbench.aside import Aside
+
+
+def test_calls_are_made_in_their_order_beside_the_main_work() -> None:
+    done: list[int] = []
+    go = threading.Event()
+
+    def first() -> None:
+        assert go.wait(30)
+        done.append(1)
+
+    with Aside(threaded=True) as aside:
+        aside(first)
+        aside(lambda: done.append(2))
+        assert done == []
+        go.set()
+        aside.wait()
+        assert done == [1, 2]
+
+
+def test_without_a_thread_a_call_is_made_at_once() -> None:
+    done: list[int] = []
+    with Aside(threaded=False) as aside:
+        aside(lambda: done.append(1))
+        assert done == [1]
+
+
+@pytest.mark.parametrize("threaded", [True, False])
+def test_what_a_call_raises_is_raised_at_the_end(threaded: bool) -> None:
+    with pytest.raises(ZeroDivisionError), Aside(threaded) as aside:
+        aside(lambda: print(1 // 0))
+
+
+@pytest.mark.parametrize(("error", "expected"), [(ValueError, [1, 2]), (KeyboardInterrupt, [1])])
+def test_an_error_waits_for_all_calls_and_an_interruption_drops_those_that_have_not_begun(
+    error: type[BaseException], expected: list[int]
+) -> None:
+    done: list[int] = []
+    begun, go = threading.Event(), threading.Event()
+    aside = Aside(threaded=True)
+
+    def first() -> None:
+        begun.set()
+        assert go.wait(30)
+        done.append(1)
+
+    def ended() -> None:
+        with aside:
+            aside(first)
+            aside(lambda: done.append(2))
+            assert begun.wait(30)
+            if error is ValueError:
+                go.set()
+            raise error
+
+    with pytest.raises(error):
+        ended()
+    go.set()
+    assert aside._thread is not None
+    aside._thread.shutdown()
+    assert done == expected

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from typing import Any
+
+import pytest
+
+from rkfbench.errors import RkfbenchError
+from rkfbench.pool import Pool
+
+
+def process_of(seconds: float) -> tuple[float, int]:
+    time.sleep(seconds)
+    return seconds, os.getpid()
+
+
+def die(_: int) -> None:
+    os._exit(9)
+
+
+def test_results_come_in_the_order_of_the_items_or_in_that_of_their_ends() -> None:
+    with Pool(2) as pool:
+        list(pool.ordered(process_of, [0.0, 0.0]))  # both processes are up
+        slow, fast = 0.5, 0.0
+        assert [seconds for seconds, _ in pool.ordered(process_of, [slow, fast])] == [slow, fast]
+        assert [seconds for seconds, _ in pool.unordered(process_of, [slow, fast])] == [fast, slow]
+
+
+def test_processes_are_started_when_they_are_wanted_and_kept() -> None:
+    with Pool(1) as pool:
+        (_, first), (_, second) = (next(pool.ordered(process_of, [0.0])) for _ in range(2))
+    assert first == second != os.getpid()
+
+
+def test_processes_pay_when_the_work_is_long_or_when_they_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rkfbench.pool.START_UP", 3.0)
+    assert not Pool(1).pays(100)
+    with Pool(2) as pool:
+        assert (pool.pays(2.9), pool.pays(3.1)) == (False, True)
+        list(pool.ordered(process_of, [0.0]))
+        assert pool.pays(0)
+
+
+def test_the_death_of_a_process_is_one_message() -> None:
+    with pytest.raises(RkfbenchError, match="a worker process was killed"), Pool(1) as pool:
+        list(pool.ordered(die, [0]))
+
+
+def test_an_interruption_ends_the_processes_at_once() -> None:
+    running: list[Any] = []
+
+    def interrupted() -> None:
+        with Pool(1) as pool:
+            pool.submit(process_of, 600.0)
+            running.extend(multiprocessing.active_children())
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    for process in running:
+        process.join(60)
+    assert [process.exitcode for process in running] == [-signal.SIGTERM]
