@@ -5,6 +5,7 @@ Everything heavy is imported inside the commands, so that `rkfbench --help` answ
 
 from __future__ import annotations
 
+import io
 import signal
 import sys
 
@@ -15,7 +16,8 @@ def main() -> None:
     """Entry point of the command."""
     blas.one_thread()
     for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a character, or a file name that is no text
-        stream.reconfigure(errors="backslashreplace")
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         from rkfbench.cli.commands import app
 

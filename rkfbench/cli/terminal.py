@@ -69,7 +69,9 @@ class Terminal:
                         which = ", ".join(cases) if len(cases) <= MOST_NAMED else f"{len(cases)} cases"
                         self.note(f"{name}: recomputing {which}: {reason}")
                     case events.Spoiled(files):
-                        self.note(f"{name}: making again {', '.join(files)}: not what was written there (edited or damaged)")
+                        self.note(
+                            f"{name}: making again {', '.join(files)}: not what was written there (edited or damaged)"
+                        )
                     case events.Failure():
                         self.error(f"{name}: {event}" + (f"\n{event.traceback}" if self.verbose else ""))
                     case _:

@@ -1,4 +1,4 @@
-"""SIGKILL, at any moment: what is on the disk is whole, no process stays behind, the same command goes on from there."""
+"""SIGKILL, at any moment: what is on the disk is whole, no process stays behind, the same command goes on."""
 
 from __future__ import annotations
 
@@ -61,7 +61,9 @@ def test_a_killed_worker_is_told_and_its_run_goes_on(study: Study, whole: dict[s
     done = ended(process)
     kept = study.blocks()
     assert (done.code, done.out) == (1, "")
-    assert done.err.splitlines()[-1].startswith("a worker process was killed (out of memory?); finished blocks are kept")
+    assert done.err.splitlines()[-1].startswith(
+        "a worker process was killed (out of memory?); finished blocks are kept"
+    )
     assert "Traceback" not in done.err
     assert kept >= 1
     assert study.unsealed()
