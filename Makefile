@@ -6,7 +6,7 @@ STAMP := .venv/.made-from-pyproject
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce reference smoke bench test lint clean
+.PHONY: help reproduce reference smoke bench test survive fuzz lint clean
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 18
@@ -26,6 +26,12 @@ bench: $(STAMP) ## what a run and step costs, beside other libraries and C, into
 
 test: $(STAMP) ## the test suite
 	$(BIN)/pytest -q -n 2
+
+survive: $(STAMP) ## kill, interrupt, starve and damage studies, and let them go on
+	$(BIN)/pytest -q -m "slow or not slow" tests/survive
+
+fuzz: $(STAMP) ## read thousands of broken and hostile scenario files, other ones each time
+	FUZZ=nightly $(BIN)/pytest -q -n 2 -m "slow or not slow" tests/fuzz
 
 lint: $(STAMP) ## ruff and mypy
 	$(BIN)/ruff check .

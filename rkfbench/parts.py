@@ -77,7 +77,7 @@ def models_of(spec: Mapping[str, Any]) -> tuple[Model, Model]:
     """The model of the truth and the one of the filters, which may be told nothing of a known input."""
     known = spec.get("input")
     with under("model"):
-        if known is None:
+        if known is None or not isinstance(spec["model"], Mapping):  # no mapping: told by the catalogue
             return (model := models.build(spec["model"])), model
         return models.build({**spec["model"], "u": known["value"]}), models.build(
             {**spec["model"], "u": known["value"] * known.get("filters_use_it", True)}

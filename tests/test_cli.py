@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 from rkfbench.cli.commands import app
 from rkfbench.store import Results
+from rkfbench.store.lock import locked
 
 
 def rkfbench(*args: str | Path) -> Any:
@@ -334,6 +335,30 @@ def test_report_is_made_again_from_the_results_to_the_same_bytes(claiming: Path)
     before = {path: path.read_bytes() for path in Path("results/small").rglob("*") if path.is_file()}
     rkfbench("report", "results/small")
     assert {path: path.read_bytes() for path in Path("results/small").rglob("*") if path.is_file()} == before
+
+
+def test_a_report_waits_for_the_run_in_its_folder(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    with locked(Path("results/small")):
+        refused = rkfbench("report", "results/small")
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert "results/small is in use by another run" in refused.stderr
+    assert rkfbench("report", "nowhere").exit_code == 2
+    assert not Path("nowhere").exists()
+
+
+def test_damaged_results_are_told_and_made_again(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    times, summary = Path("results/small/timings/repeats.csv"), Path("results/small/summary.csv")
+    before = summary.read_bytes()
+    times.write_bytes(times.read_bytes()[:-9])
+    summary.write_bytes(b"")
+    again = rkfbench("run", claiming)
+    assert again.exit_code == 0
+    assert "small: making again summary.csv, timings/repeats.csv: not what was written there" in again.stderr
+    assert summary.read_bytes() == before
+    assert times.read_bytes().endswith(b"\n")
+    assert "making again" not in rkfbench("run", claiming).stderr
 
 
 def test_reproduce_compares_with_the_reference_that_was_published(

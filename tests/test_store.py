@@ -219,3 +219,31 @@ def test_the_lock_and_the_pieces_of_a_killed_run_are_no_obstacle(tmp_path: Path)
     (tmp_path / "r/.summary.csv.123.tmp").write_text("half")
     with locked(tmp_path / "r"):
         assert [path.name for path in (tmp_path / "r").iterdir()] == [".lock"]
+
+
+@pytest.mark.parametrize("name", ["summary.csv", "checks.csv", "timings/table.csv"])
+def test_spoiled_files_are_named_and_no_longer_stand_for_what_they_were_made_from(tmp_path: Path, name: str) -> None:
+    path = folder(tmp_path / "r")
+    manifest.seal(path, hashes={"part": "abc"})
+    assert manifest.spoiled(path) == []
+    assert manifest.made_from(path, "part", "abc", name)
+    (path / name).write_bytes((path / name).read_bytes()[:-1])
+    assert manifest.spoiled(path) == [name]
+    (path / name).unlink()
+    assert manifest.spoiled(path) == [name]
+    manifest.seal(path)
+    assert not manifest.made_from(path, "part", "abc", name)
+
+
+def test_every_flipped_bit_of_a_manifest_is_noticed(tmp_path: Path) -> None:
+    path = folder(tmp_path / "r") / "manifest.json"
+    whole = path.read_bytes()
+    before = manifest.read(tmp_path / "r")
+    for place in range(len(whole)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
+        try:
+            after = manifest.read(tmp_path / "r")
+        except UsageError:
+            assert manifest.spoiled(tmp_path / "r") == ["manifest.json"]
+        else:  # a bit of white space, or of the name under which the hash stands
+            assert {key: after[key] for key in before} == before

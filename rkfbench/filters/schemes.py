@@ -69,8 +69,13 @@ def look(moments: Moments, weight: Weight, model: Model, x: Array, P: Array, y: 
     return Look(Szz, Pxz, R, weighted, D, {"nu": nu, "S": Szz + R, **seen})
 
 
+MOST_SUBSTEPS = 10_000
+
+
 def whole_steps(dl: float) -> int:
-    """1/dl. SpecError if that is not a whole number."""
+    """1/dl. SpecError if that is not a whole number, or too large for anybody to wait for."""
+    if dl * MOST_SUBSTEPS < 1:
+        raise SpecError(f"1/dl must not be more than {MOST_SUBSTEPS} sub-steps", ["dl"])
     steps = round(1 / dl)
     if abs(steps * dl - 1) > 1e-9:
         raise SpecError(f"1/dl must be a whole number of sub-steps, 1/{dl:g} = {1 / dl:.6g} is not", ["dl"])

@@ -113,7 +113,10 @@ class Unscented(SigmaPoints):
         kappa = 3 - n if self.kappa == "3-n" else float(self.kappa)
         if not n + kappa > 0:
             raise SpecError(f"n + kappa must be positive: the model has n = {n} states, kappa is {kappa:g}")
-        return Rule(self.alpha**2 * (n + kappa), 1.0, self.beta - self.alpha**2)
+        square = self.alpha * self.alpha
+        if not 0 < square * (n + kappa) < np.inf:
+            raise SpecError(f"alpha^2 (n + kappa) must be a positive number, it is {square * (n + kappa):g}", ["alpha"])
+        return Rule(square * (n + kappa), 1.0, self.beta - square)
 
 
 @dataclass(frozen=True)

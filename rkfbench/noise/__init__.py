@@ -21,6 +21,7 @@ from rkfbench.noise.contaminated import Contaminated
 from rkfbench.noise.gaussian import Gaussian
 from rkfbench.noise.laplace import LaplaceIndependent, LaplaceMixture
 from rkfbench.noise.matrices import covariance, matrix
+from rkfbench.noise.matrices import factor as factor_of
 from rkfbench.noise.mixture import GaussianMixture, Labels
 
 __all__ = [
@@ -181,4 +182,4 @@ def _factors(body: Law | None) -> Mapping[str, Array]:
     """In the place of a factor, `body` is a factor of the body's covariance (which one makes no difference to C = L
     L').
     """
-    return {} if body is None else {"body": np.linalg.cholesky(body.cov)}
+    return {} if body is None else {"body": factor_of(body.cov)}

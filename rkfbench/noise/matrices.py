@@ -15,6 +15,8 @@ import numpy as np
 from rkfbench.errors import SpecError, did_you_mean
 from rkfbench.linalg import Array
 
+LARGEST = 1e150  # of an element: squares and their sums stay finite
+
 
 def _symmetric_root(M: Array) -> Array:
     w, V = np.linalg.eigh(_covariance(M))
@@ -72,8 +74,8 @@ def matrix(spec: Any, dim: int, names: Mapping[str, Array] | None = None) -> Arr
 
 
 def _finite(M: Array) -> Array:
-    if not np.isfinite(M).all():
-        raise SpecError("a matrix must have finite elements")
+    if not (np.abs(M) <= LARGEST).all():
+        raise SpecError(f"a matrix must have finite elements, none beyond {LARGEST:g}")
     return M
 
 

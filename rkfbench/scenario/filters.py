@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import product
-from math import prod
 from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import Field
@@ -37,7 +36,7 @@ class Head(Strict):
     assumed: FilterAssumed = Field(default=FilterAssumed(), description="what this filter is told differently")
 
 
-MOST_FILTERS = 1000  # that the lists of one entry make
+MOST_FILTERS = 1000  # of a cell
 HEAD = tuple(Head.model_fields)
 
 
@@ -53,10 +52,14 @@ def expanded(filters: Seq) -> Seq:
             for each in _each_value(entry, at):
                 if each["label"] in labels:
                     raise SpecError(f"two filters are labelled '{each['label']}': give one of them another label")
+                if len(labels) == MOST_FILTERS:
+                    raise SpecError(f"there are more than {MOST_FILTERS} filters with those that its lists make")
                 labels.add(each["label"])
                 new.add(each, at)
         except SpecError as error:
             faults.append(error.under(index))
+            if len(labels) == MOST_FILTERS:
+                break
     if faults:
         raise SpecError.all(faults)
     return new
@@ -84,8 +87,6 @@ def _entry(written: Any, at: Mark) -> Map:
 def _each_value(entry: Map, at: Mark) -> Iterator[Map]:
     """The entry once for each combination of the values that its scalar parameters list."""
     listed = list(_listed(entry))
-    if (count := prod(len(values) for _, values in listed)) > MOST_FILTERS:
-        raise SpecError(f"its lists make {count} filters, more than {MOST_FILTERS}")
     for values in product(*(values for _, values in listed)):
         each = entry
         for (path, _), (value, place) in zip(listed, values, strict=True):

@@ -195,17 +195,17 @@ def _cells(document: Map, problems: list[Problem]) -> Iterator[Cell]:
     switches: set[str] = set()
     count = 0
     for draft in drafts(document, SECTIONS, faults):
-        count += len(filters) if isinstance(filters := draft.spec.get("filters"), list) else 0
-        if count > MOST_FILTERED:
-            faults.append((SpecError(f"the filters of all cells are more than {MOST_FILTERED}"), ("filters",)))
-            break
         # A switch is tried at its first point only: the other points have been tried without it.
         listed, spec, wrong = checked(draft.spec, whole=draft.switch not in switches)
         if draft.switch is not None:
             switches.add(draft.switch)
         problems += located(listed, wrong)
         if spec is not None:
+            count += len(spec["filters"])
             yield Cell(draft.reading, draft.case, dict(draft.point), draft.switch, draft.extra, spec)
+        if count > MOST_FILTERED:
+            faults.append((SpecError(f"the filters of all cells are more than {MOST_FILTERED}"), ("filters",)))
+            break
     for fault, place in faults:
         problems += located(document, [fault], *place)
 

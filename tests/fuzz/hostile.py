@@ -23,59 +23,14 @@ NUMBERS = st.one_of(
     st.integers(-3, 40),
     st.floats(),
 )
-WORDS = st.sampled_from(
-    [
-        "kf",
-        "hkf",
-        "ukf",
-        "rmse",
-        "rmse@k",
-        "rmse[px]",
-        "err_norm@k",
-        "err_norm@3..1",
-        "time_ms",
-        "body",
-        "law",
-        "model",
-        "gaussian",
-        "laplace",
-        "contaminated",
-        "kind",
-        "use",
-        "label",
-        "extra",
-        "assumed",
-        "truth",
-        "cov",
-        "mean",
-        "rate",
-        "steps",
-        "px",
-        "times",
-        "of",
-        "joint",
-        "literal",
-        "<<",
-        "",
-        ".",
-        "..",
-        ",",
-        "=",
-        "==",
-        "a=b",
-        "a,b",
-        "*",
-        "?",
-        "[",
-        "{x}",
-        "../../../etc/passwd",
-        "/dev/zero",
-        "/dev/stdin",
-        "!!python/object:os.system",
-    ]
-)
+WORDS = """
+    kf hkf ukf rmse rmse@k rmse[px] err_norm@k err_norm@3..1 time_ms body law model gaussian laplace contaminated kind
+    use label extra assumed truth cov mean rate steps px times of joint literal << . .. , = == a=b a,b * ? [ {x}
+    ../../../etc/passwd /dev/zero /dev/stdin !!python/object:os.system
+"""
+RANGES = "0:1:1000000000 1e308:-1e308:5 0:inf:3 nan:1:3 0:1:2.5 1:1:1 , ,,, 1:2:3:4 [1,2] ::"
 TEXTS = st.one_of(
-    WORDS,
+    st.sampled_from(WORDS.split()),
     st.text(max_size=12),
     st.sampled_from(["é", "‮", "\U0001f600", "a\nb", "\t", " ", "nul\0", "\ud800", "\x85", "﻿", "x" * 100_000]),
 )
@@ -104,6 +59,11 @@ VALUES = st.one_of(
             [[0.0] * 60] * 60,
         ]
     ),
+)
+
+# Eleven lists, each of nine times the one before.
+BOMB = "b0: &b0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"b{i + 1}: &b{i + 1} [{', '.join([f'*b{i}'] * 9)}]\n" for i in range(10)
 )
 
 # Pieces of YAML that are put into a text as they are.
@@ -143,9 +103,7 @@ PIECES = st.sampled_from(
         "\n\n  \n - ",
         "steps: 9\nsteps: 9\n",
         "=======\n",
-        "bomb: [&a [x,x,x,x,x,x,x,x,x], "
-        + ", ".join(f"&{b} [{', '.join(['*' + a] * 9)}]" for a, b in zip("abcdefghi", "bcdefghij", strict=True))
-        + "]\n",
+        BOMB,
         "sweep: {start.truth: [" + "1, " * 20_000 + "1]}\n",
         "long: " + "x" * 1_000_000 + "\n",
         "k" * 2_000 + ": 1\n",
@@ -196,10 +154,8 @@ def mutated(draw: st.DrawFn, bases: dict[str, str]) -> str:
 def spliced(draw: st.DrawFn, bases: dict[str, str]) -> str:
     """One of the texts with a piece cut out and another one put in."""
     text = bases[draw(st.sampled_from(sorted(bases)))]
-    starts = st.one_of(
-        st.sampled_from([each.start() for each in re.finditer("^", text, re.M)]), st.integers(0, len(text))
-    )
-    start, length = draw(starts), draw(st.integers(0, 30))
+    lines = st.sampled_from([each.start() for each in re.finditer("^", text, re.M)])
+    start, length = draw(st.one_of(lines, st.integers(0, len(text)))), draw(st.integers(0, 30))
     return text[:start] + draw(st.one_of(PIECES, PIECES, st.text(max_size=8))) + text[start + length :]
 
 
@@ -212,9 +168,7 @@ def options(draw: st.DrawFn, text: str) -> dict[str, list[str]]:
     values = st.one_of(VALUES.map(written), TEXTS)
     ranges = st.one_of(
         st.tuples(NUMBERS, NUMBERS, NUMBERS).map(lambda three: ":".join(map(str, three))),
-        st.sampled_from(
-            ["0:1:1000000000", "1e308:-1e308:5", "0:inf:3", "nan:1:3", ",", ",,,", "1:2:3:4", "[1,2]", "::"]
-        ),
+        st.sampled_from(RANGES.split()),
         st.lists(SMALL_VALUES.map(str), max_size=5).map(",".join),
     )
     made = {"sets": st.tuples(path, values), "sweeps": st.tuples(path, st.one_of(ranges, values))}

@@ -205,3 +205,19 @@ def test_a_description_that_makes_no_sense_is_said_with_its_place(spec, path, sa
         noise.build(spec, 2)
     assert caught.value.path == path
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("largest", [1e308, -1e308, 1e200, float("inf"), float("nan")])
+@pytest.mark.parametrize("law", ["cov", "factor", "scale"])
+def test_numbers_whose_squares_are_none_are_refused(law, largest):
+    with pytest.raises(SpecError, match="must have finite elements, none beyond 1e\\+150"):
+        noise.build({"kind": "laplace", law: largest}, 2)
+    with pytest.raises(SpecError, match="must have finite elements, none beyond 1e\\+150"):
+        noise.build({"kind": "laplace", law: {"times": largest, "of": 2}}, 2)
+
+
+def test_outliers_may_take_a_factor_of_a_body_without_noise_in_some_direction():
+    body = {"kind": "gaussian", "cov": [1, 0]}
+    outliers = {"kind": "laplace", "factor": {"times": 3, "of": "body"}}
+    law = noise.build({"kind": "contaminated", "rate": 0.5, "body": body, "outliers": outliers}, 2)
+    np.testing.assert_allclose(law.outliers.cov, [[9, 0], [0, 0]], atol=1e-15)

@@ -1,6 +1,8 @@
+import time
+
 import pytest
 
-from rkfbench.errors import SpecError
+from rkfbench.errors import ScenarioError, SpecError
 from rkfbench.scenario.expand import between, columns, spaced
 
 
@@ -153,3 +155,25 @@ def test_columns_are_the_shortest_tails_that_differ() -> None:
     assert columns(["a.x.cov", "b.x.cov", "steps"]) == ["a.x.cov", "b.x.cov", "steps"]
     assert columns(["filters.hkf.threshold", "filters.ukf.threshold"]) == ["hkf.threshold", "ukf.threshold"]
     assert columns(["lost.failed"]) == ["lost.failed"], "a column of the results keeps its name"
+
+
+def test_a_long_list_of_points_is_refused_at_once(problems) -> None:
+    begin = time.process_time()
+    (problem,) = problems({"[0, 0.2]": str([each / 1e5 for each in range(20_000)])})
+    assert problem.endswith("readings, cases and sweeps make 120000 cells, more than 2000")
+    assert time.process_time() - begin < 10  # it took minutes when every point was compared with every other
+
+
+def test_a_point_that_is_listed_twice_is_named(problems) -> None:
+    assert problems({"[0, 0.2]": "[0.1, 0.2, 0.3, 0.2, 0.1]"})[0].endswith("lists 0.1 twice")
+
+
+def test_cells_times_filters_are_bounded(problems) -> None:
+    texts = {"[0, 0.2]": "{from: 0, to: 0.299, step: 0.001}", "threshold: 2}": f"threshold: {list(range(4, 30))}}}"}
+    assert "the filters of all cells are more than 20000" in problems(texts)[0]
+
+
+@pytest.mark.parametrize("filters", ["3", "1e308", "true", "kf", "{use: kf}"])
+def test_filters_that_are_no_list_are_told(change, filters) -> None:
+    with pytest.raises(ScenarioError, match="filters: should be a valid list"):
+        change(sets=[f"filters={filters}"])

@@ -90,3 +90,31 @@ def test_defaults_are_written_out_in_every_form() -> None:
 def test_the_description_is_what_a_filter_is_built_from() -> None:
     (each,) = listed("[{use: hkf, threshold: 2, label: a, extra: true, assumed: {cov: 1}}]")
     assert description(each) == {"use": "hkf", "threshold": 2}
+
+
+def test_lists_that_make_too_many_filters_are_refused_before_they_are_made(problems) -> None:
+    values = str(list(range(1, 101)))
+    many = f"{{use: ukf, alpha: {values}, beta: {values}, kappa: {values}}}"
+    assert problems({"- kf\n": f"- {many}\n"}) == [
+        "a.yaml:24:5: filters.ukf: there are more than 1000 filters with those that its lists make"
+    ]
+
+
+@pytest.mark.parametrize("inner", ["3", "[]", "~", "{use: [kf]}", "{use: {kf: 1}}"])
+@pytest.mark.parametrize("around", ["fixed_point: {filter: INNER, at: 2, lag: 1}", "rts: {filter: INNER}"])
+def test_a_filter_around_what_is_no_filter_is_told(problems, inner, around) -> None:
+    (problem,) = problems({"- kf\n": f"- {{{around.replace('INNER', inner)}, label: a}}\n"})
+    assert problem.startswith("a.yaml:24:")
+    assert "filter" in problem
+
+
+@pytest.mark.parametrize("alpha", ["1e308", "1e-320"])
+def test_points_that_no_number_can_spread_are_refused(problems, alpha) -> None:
+    (problem,) = problems({"- kf\n": f"- {{use: ukf, alpha: {alpha}}}\n"})
+    assert "alpha^2 (n + kappa) must be a positive number" in problem
+
+
+@pytest.mark.parametrize("dl", ["1e-320", "1e-8"])
+def test_more_substeps_than_anybody_waits_for_are_refused(problems, dl) -> None:
+    (problem,) = problems({"- kf\n": f"- {{use: pekf, dl: {dl}}}\n"})
+    assert "1/dl must not be more than 10000 sub-steps" in problem

@@ -58,6 +58,9 @@ def test_an_error_from_an_option_names_the_option(problems) -> None:
         ({"sets": ["filters.hfk.threshold=1"]}, "there is no entry 'hfk' (did you mean 'hkf'?)"),
         ({"sets": ["steps=[1"]}, "--set steps=[1: did not find expected"),
         ({"sets": ["steps=.nan"]}, "NaN is not a value"),
+        ({"sets": ["\udcff=1"]}, "is not UTF-8 text"),
+        ({"sets": ["notes=\ud800"]}, "is not UTF-8 text"),
+        ({"sweeps": ["\udcff=1:2:3"]}, "is not UTF-8 text"),
         ({"sweeps": ["steps=1:2"]}, "steps: should be a valid integer"),
         ({"sweeps": ["steps=1:9:x"]}, "path=first:last:count"),
         ({"runs": 0}, "--runs 0: runs.paper: should be greater than or equal to 1"),
@@ -154,3 +157,9 @@ def test_a_name_for_what_is_not_there_is_an_error(change, problems) -> None:
     assert problems({"steps: 5": names.replace("near:", "neer:")}) == [
         "a.yaml:4:40: names.neer: no case, sweep column, filter or metric 'neer' here (did you mean 'near'?)"
     ]
+
+
+@pytest.mark.parametrize("model", ["3", "[]", "navigation", "~"])
+def test_a_model_with_a_known_input_that_is_no_mapping_is_told(problems, model) -> None:
+    texts = {"model: {kind: navigation, observed: [px, py]}": f"model: {model}\ninput: {{value: 1}}"}
+    assert any(each.startswith("a.yaml:5:") and ": model: " in each for each in problems(texts))

@@ -2,7 +2,7 @@ import pytest
 
 from rkfbench.errors import RkfbenchError, ScenarioError
 from rkfbench.scenario.locate import locate
-from rkfbench.scenario.yaml import MOST_VALUES, Mark, dump, parse, parse_value, read, scalar
+from rkfbench.scenario.yaml import MOST_BYTES, MOST_VALUES, Mark, dump, parse, parse_value, read, scalar
 
 
 @pytest.mark.parametrize(
@@ -128,3 +128,10 @@ def test_what_is_dumped_reads_back_the_same() -> None:
     texts = ["1e-3", "no", "0x1", ".5", "inf", ".nan", "~", "", "1:30", "a: b", "a\nb"]
     data = {"1e3": texts, "others": [1e-7, 1.0, 2, float("inf"), True, None, [], {}]}
     assert parse(dump(data), "x") == data
+
+
+def test_a_file_larger_than_any_scenario_is_not_read(tmp_path) -> None:
+    (tmp_path / "a.yaml").write_text("a: " + "x" * MOST_BYTES)
+    with pytest.raises(RkfbenchError, match=r"^x: larger than 10 MB$") as error:
+        read(tmp_path / "a.yaml", "x")
+    assert error.value.exit_code == 2

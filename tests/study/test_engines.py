@@ -66,7 +66,9 @@ def tables(folder: Path) -> dict[str, bytes]:
 
 def case_by_case(work: Sequence[Job]) -> Iterator[Done]:
     """Every filter of every case in a job of its own."""
-    return map(jobs.work, (single for job in work for label in job.labels for single in job.of_labels(label).cases()))
+    yield from map(
+        jobs.work, (single for job in work for label in job.labels for single in job.of_labels(label).cases())
+    )
 
 
 def pooled(engine: Callable[[Sequence[Job], Pool], Iterator[Done]]) -> Engine:

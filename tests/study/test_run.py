@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from rkfbench.errors import UsageError
-from rkfbench.store import Results, files
+from rkfbench.store import Results, files, manifest
 from rkfbench.study import jobs, plan
 from rkfbench.study.engines import serial
-from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing
+from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Spoiled
 from rkfbench.study.run import run_study
 from tests.study import fakes
 
@@ -329,9 +329,41 @@ def test_a_table_edited_by_hand_is_made_again(tmp_path: Path, compute: fakes.Com
     summary = tmp_path / "r/summary.csv"
     summary.write_text(summary.read_text().replace("0", "1"))
     compute.calls.clear()
-    assert run_study(fakes.scenario(), tmp_path / "r").computed == 0
-    assert compute.calls == []
+    outcome, events = run(fakes.scenario(), tmp_path / "r")
+    assert (outcome.computed, compute.calls) == (0, [])
+    assert Spoiled(("summary.csv",)) in events
     assert tables(tmp_path / "r") == before
+
+
+def test_what_others_make_in_the_folder_is_not_sealed_when_it_is_damaged(
+    tmp_path: Path, compute: fakes.Compute
+) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    files.write(tmp_path / "r/checks.csv", "id,deviation\na,0\n")
+    manifest.seal(tmp_path / "r", hashes={"checks": "abc"})
+    (tmp_path / "r/checks.csv").write_text("id,deviation\na,1\n")
+    run_study(fakes.scenario(), tmp_path / "r")
+    assert not (tmp_path / "r/checks.csv").exists()
+    assert not manifest.made_from(tmp_path / "r", "checks", "abc", "checks.csv")
+
+
+def test_a_study_that_is_cut_short_closes_its_engine(tmp_path: Path, compute: fakes.Compute) -> None:
+    closed = []
+
+    def engine(work: Sequence[jobs.Job]) -> Iterator[jobs.Done]:
+        try:
+            yield from serial(work)
+        finally:
+            closed.append(True)
+
+    def full(event: Any) -> None:
+        if isinstance(event, BlockDone):
+            assert not closed
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as interrupted:
+        run_study(fakes.scenario(), tmp_path / "r", engine=engine, report=full)
+    assert closed, interrupted  # though the traceback still holds the engine
 
 
 def test_changed_numbers_take_away_what_was_drawn_from_the_old_ones(tmp_path: Path, compute: fakes.Compute) -> None:
@@ -345,12 +377,12 @@ def test_changed_numbers_take_away_what_was_drawn_from_the_old_ones(tmp_path: Pa
 
 def test_the_manifest_says_what_made_the_numbers(tmp_path: Path, compute: fakes.Compute) -> None:
     run_study(fakes.scenario(), tmp_path / "r", facts={"argv": ["rkfbench", "run", "toy"]})
-    manifest = json.loads((tmp_path / "r/manifest.json").read_text())
-    assert (manifest["scenario"], manifest["seed"], manifest["runs"]) == ("toy", 7, 10)
-    assert manifest["argv"] == ["rkfbench", "run", "toy"]
-    assert manifest["curve_median_runs"] == 4
-    assert set(manifest["files"]) == {"scenario.yaml", "filters.csv", "summary.csv", "series.csv", "runs.csv"}
-    assert manifest["versions"]["numpy"] == np.__version__
+    content = json.loads((tmp_path / "r/manifest.json").read_text())
+    assert (content["scenario"], content["seed"], content["runs"]) == ("toy", 7, 10)
+    assert content["argv"] == ["rkfbench", "run", "toy"]
+    assert content["curve_median_runs"] == 4
+    assert set(content["files"]) == {"scenario.yaml", "filters.csv", "summary.csv", "series.csv", "runs.csv"}
+    assert content["versions"]["numpy"] == np.__version__
 
 
 def test_results_are_read_without_their_blocks(tmp_path: Path, compute: fakes.Compute) -> None:

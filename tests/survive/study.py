@@ -1,4 +1,4 @@
-"""A study that is killed, starved and damaged: as small as one with several blocks, a claim, tables and a figure can be.
+"""A study to be killed, starved and damaged, as small as one with blocks, a claim, tables and a figure can be.
 
 It runs as a user runs it, as a process of the real command, and is compared with one that nothing disturbed.
 """
