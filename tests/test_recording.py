@@ -18,7 +18,7 @@ from rkfbench.scenario import load
 from rkfbench.store import Results
 from rkfbench.streams import Streams
 from rkfbench.study import plan
-from rkfbench.study.compute import estimate_of
+from rkfbench.study.wide import alone
 
 EXAMPLE = Path(__file__).parent / "data/drive.yaml"
 SCENARIO = """\
@@ -198,7 +198,7 @@ def estimated(path: Path, label: str, **options: Any) -> np.ndarray:
     spec = load(path, **options).cells[0].spec
     experiment = Experiment.of(spec)
     world = experiment.simulate(Streams(0))
-    return estimate_of(experiment, world, Streams(0), label, frozenset({"cov"})).mean[..., 0]
+    return alone(experiment, world, Streams(0), label, frozenset({"cov"})).mean[..., 0]
 
 
 @pytest.mark.parametrize("label", ["kf", "hkf", "aladkf", "ekf", "ukf", "mckf", "ckf"])

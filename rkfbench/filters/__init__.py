@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rkfbench.catalogue import Catalogue, Entry, find, lookup
+from rkfbench.catalogue import Entry, find, lookup
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate, Filter, Known, Setting

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rkfbench.filters.recursion import Step
 from rkfbench.linalg import Array, condition, finite, plus, positive_definite, sandwich, through
-from rkfbench.models import Model
+from rkfbench.models import Linear, Model
 
 
 class Gain(NamedTuple):
@@ -38,7 +38,7 @@ def shared(model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> bo
     """Whether the covariances of these arguments, as `prepare` makes them, are the same for all runs at all steps."""
     missing = np.isnan(y)
     return bool(
-        model.linear
+        isinstance(model, Linear)  # F and H are constant
         and not hasattr(model, "plausible")
         and P.shape[-1] == Q.shape[-1] == R.shape[-1] == 1
         and (missing == missing[..., :1]).all()

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Interval
 
-from rkfbench.catalogue import Catalogue, Entry
+from rkfbench.catalogue import Catalogue, Entry, lookup
 from rkfbench.catalogue import build as _build
 from rkfbench.errors import SpecError
 from rkfbench.metrics import entries
@@ -190,7 +190,7 @@ def get(text: str) -> Metric:
         at = (int(first), int(last or first))
     if curve and parts.get("reduce") == "root":
         parts = {**parts, "root": True}  # the root is taken over the runs at each k
-    needs = METRICS[match["name"]].needs | getattr(parts["quantity"], "needs", frozenset())
+    needs = lookup(METRICS, "metric", match["name"]).needs | getattr(parts["quantity"], "needs", frozenset())
     return Metric(text, states=states, at=at, curve=curve, needs=needs, **parts)
 
 

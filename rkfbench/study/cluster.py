@@ -37,7 +37,7 @@ def remote(jobs: Sequence[Job], address: str) -> Generator[Done]:
 def local(jobs: Sequence[Job], workers: int) -> Generator[Done]:
     """A cluster of its own on this machine with `workers` processes, for this study only."""
     distributed = _distributed()
-    options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": "ERROR"}
+    options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": "ERROR"}
     with (
         distributed.LocalCluster(**options) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,

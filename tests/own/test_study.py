@@ -102,7 +102,8 @@ def test_a_model_that_raises_is_named(scenario):
 
 def test_worker_processes_find_the_plugins_and_give_the_same_bytes(scenario, tmp_path):
     study(scenario, tmp_path / "a")
-    study(scenario, tmp_path / "b", engine=lambda jobs: engines.processes(jobs, 2))
+    with Pool(2) as pool:
+        study(scenario, tmp_path / "b", engine=lambda jobs: engines.processes(jobs, pool))
     for name in ("runs.csv", "summary.csv", "series.csv", "scenario.yaml"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 

@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,17 +64,17 @@ def tables(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.glob("*.csv"))}
 
 
-def case_by_case(work: Sequence[Job]) -> Iterator[Done]:
+def case_by_case(work: Sequence[Job]) -> Generator[Done]:
     """Every filter of every case in a job of its own."""
     yield from map(
         jobs.work, (single for job in work for label in job.labels for single in job.of_labels(label).cases())
     )
 
 
-def pooled(engine: Callable[[Sequence[Job], Pool], Iterator[Done]]) -> Engine:
+def pooled(engine: Callable[[Sequence[Job], Pool], Generator[Done]]) -> Engine:
     """An engine with a pool of two processes for one study."""
 
-    def engine_of_its_own(work: Sequence[Job]) -> Iterator[Done]:
+    def engine_of_its_own(work: Sequence[Job]) -> Generator[Done]:
         with Pool(2) as pool:
             yield from engine(work, pool)
 
@@ -85,7 +85,7 @@ def pooled(engine: Callable[[Sequence[Job], Pool], Iterator[Done]]) -> Engine:
 def in_process() -> Iterator[str]:
     """The address of a scheduler with one worker in this very process."""
     distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
     with distributed.LocalCluster(**options, silence_logs="ERROR") as here:
         yield here.scheduler_address
 
@@ -116,11 +116,11 @@ def test_dask_in_one_process_gives_the_same_bytes(
 
 def test_the_study_survives_a_killed_worker(study: Scenario, tmp_path: Path, expected: dict[str, bytes]) -> None:
     distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": "CRITICAL"}
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": "CRITICAL"}
     with distributed.LocalCluster(**options) as two, distributed.Client(two, set_as_default=False) as client:
         killed: list[int] = []
 
-        def shot(work: Sequence[Job]) -> Iterator[Done]:
+        def shot(work: Sequence[Job]) -> Generator[Done]:
             for done in cluster.remote(work, two.scheduler_address):
                 if not killed:
                     killed.extend(list(client.run(os.getpid).values())[:1])
@@ -149,7 +149,7 @@ def test_a_scheduler_without_workers_is_one_message(monkeypatch: pytest.MonkeyPa
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(cluster, "WORKERS", 0.2)
     with (
-        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as empty,
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as empty,
         pytest.raises(UsageError, match="has no workers: start some with `dask worker"),
     ):
         list(cluster.remote([], empty.scheduler_address))
