@@ -27,15 +27,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("--rounds and --sizes must be at least 1")
     for name, why in absent().items():
         print(f"{name}: {why}, left out", file=sys.stderr)
-    before, costs = machine.load(), []
-    for cost in measure(args.filters, args.sizes, args.rounds, args.slice):
-        costs.append(cost)
-        print(
-            f"{cost.filter:8}{cost.runs:7}  {cost.peer:20}{cost.cpu.min():12.1f} ns a run and step"
-            f"{cost.wall.min():12.1f} wall, apart {cost.deviation:.0e}",
-            file=sys.stderr,
-        )
-    for path in report.write(args.out, costs, absent(), [before, machine.load()]):
+    before, costs, paths = machine.load(), [], []
+    for name in args.filters:
+        for cost in measure([name], args.sizes, args.rounds, args.slice):
+            costs.append(cost)
+            print(
+                f"{cost.filter:8}{cost.runs:7}  {cost.peer:20}{cost.cpu.min():12.1f} ns a run and step"
+                f"{cost.wall.min():12.1f} wall, apart {cost.deviation:.0e}",
+                file=sys.stderr,
+            )
+        paths = report.write(args.out, costs, absent(), [before, machine.load()])  # Ctrl-C keeps the finished filters
+    for path in paths:
         print(path)
 
 

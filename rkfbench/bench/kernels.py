@@ -2,7 +2,7 @@
 
 The plain ones filter one run after the other with sizes fixed when they are compiled, and stand for what a good C
 programmer writes in an afternoon: no intrinsics, no threads. The same text compiled with LANES filters 8 runs at once
-in vectors of 8 doubles, which is about the best that this processor can do.
+in vectors of 8 doubles, which comes nearer to what the processor can do.
 """
 
 from __future__ import annotations
