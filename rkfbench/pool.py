@@ -91,7 +91,7 @@ class Pool:
             blas.one_thread()
             spawn = multiprocessing.get_context("spawn")
             self._processes = ProcessPoolExecutor(self.workers, mp_context=spawn, initializer=_serve)
-        with _interrupts_held():  # submitting starts the processes
+        with interrupts_held():  # submitting starts the processes
             return self._processes.submit(function, item)
 
 
@@ -110,10 +110,13 @@ def told() -> Iterator[None]:
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """A Ctrl-C that comes now is answered afterwards. Processes started here hold theirs too, until they `_serve`:
     Ctrl-C reaches every process of a terminal, and one that is still importing would answer with a traceback.
     """
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its start, which the first process would be the occasion for, unblocks signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield

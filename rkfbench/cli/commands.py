@@ -116,6 +116,7 @@ def reproduce(
     full: Full = False,
     fresh: Fresh = False,
     jobs: Jobs = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Run all bundled scenarios, judge the claims, make the report, compare with results/reference.
 
@@ -130,7 +131,9 @@ def reproduce(
 
     loaded = list(map(load_bundled, bundled()))
     studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
-    outcomes = _experiments(terminal, studies, full=full or reference, fresh=fresh, jobs=jobs)
+    outcomes = _experiments(
+        terminal, studies, full=full or reference, fresh=fresh, jobs=jobs, scheduler=scheduler
+    )
     failed = any(outcome.failures for outcome in outcomes)
     folders, different = [], []
     for (scenario, folder), outcome in zip(studies, outcomes, strict=True):

@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
 from rkfbench.errors import RkfbenchError, UsageError
-from rkfbench.pool import AHEAD
+from rkfbench.pool import AHEAD, interrupts_held
 from rkfbench.study.jobs import Done, Job, work
 from rkfbench.study.packing import Agenda, divided
 from rkfbench.study.plan import code_hash
@@ -38,10 +38,9 @@ def local(jobs: Sequence[Job], workers: int) -> Generator[Done]:
     """A cluster of its own on this machine with `workers` processes, for this study only."""
     distributed = _distributed()
     options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": "ERROR"}
-    with (
-        distributed.LocalCluster(**options) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):
+    with interrupts_held():
+        cluster = distributed.LocalCluster(**options)
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
         yield from _through(client, jobs, cluster.scheduler_address)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from rkfbench.pool import Pool
 from rkfbench.scenario import load
 from rkfbench.store import Results
 from rkfbench.study import engines, plan
