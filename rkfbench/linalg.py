@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]  # of floats, unless a docstring says otherwise
 
 MANY = 40_000  # multiplications that pay for the calls which save half of them
+NOTHING = 1e-17  # less than what addition notices, relative
 
 
 def mul(A: Array, B: Array) -> Array:
@@ -142,12 +143,21 @@ def diag(d: Array) -> Array:
     return D
 
 
+def add_diag(A: Array, d: Array) -> Array:
+    """A (n, n, M) with d (n, M) added to its diagonal, in its own place."""
+    for i, di in enumerate(d):
+        A[i, i] += di
+    return A
+
+
 def cholesky(A: Array) -> Array:
     """Lower L with L L' = A (n, n, M); NaN in the runs where A is not positive definite."""
-    L = np.zeros_like(A)
+    L, rest = np.zeros_like(A), A
     for j in range(len(A)):
-        c = A[j:, j] - np.einsum("ik...,k...->i...", L[j:, :j], L[j, :j])
-        L[j:, j] = c / np.sqrt(np.where(c[0] > 0, c[0], np.nan))
+        c = rest[:, 0]
+        L[j:, j] = c = c / np.sqrt(np.where(c[0] > 0, c[0], np.nan))
+        if len(rest) > 1:
+            rest = rest[1:, 1:] - outer(c[1:], c[1:])
     return L
 
 
@@ -249,6 +259,9 @@ def _eigenvalues(A: Array, sweeps: int = 6) -> Array:
     n = len(A)
     a = {(i, j): A[i, j] for i in range(n) for j in range(i, n)}
     for _ in range(sweeps if n > 2 else 1):
+        least = NOTHING * np.minimum.reduce([a[i, i] for i in range(n)])
+        if all((np.abs(a[i, j]) <= least).all() for i, j in a if i != j):
+            break  # a rotation would no longer change any eigenvalue
         for p in range(n - 1):
             for q in range(p + 1, n):
                 c, s = _rotation(a[p, p], a[q, q], a[p, q])

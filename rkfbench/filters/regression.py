@@ -26,7 +26,20 @@ from rkfbench.errors import SpecError
 from rkfbench.filters.base import Posterior
 from rkfbench.filters.moments import Moments
 from rkfbench.filters.weights import Plain, Weight
-from rkfbench.linalg import Array, cholesky, condition, diag, eigh, mul, solve, solve_lower, sym, transpose, whitening
+from rkfbench.linalg import (
+    Array,
+    add_diag,
+    cholesky,
+    condition,
+    diag,
+    eigh,
+    mul,
+    solve,
+    solve_lower,
+    sym,
+    transpose,
+    whitening,
+)
 from rkfbench.models import Model
 
 Threshold = Annotated[
@@ -71,7 +84,7 @@ class Regression:
         ax, ay, change = self._inverse_weights(B, r)
         spread = L * ax
         x, P = condition(
-            x, sym(mul(spread, transpose(L))), mul(spread, transpose(B)), mul(B * ax, transpose(B)) + diag(ay), r
+            x, sym(mul(spread, transpose(L))), mul(spread, transpose(B)), add_diag(mul(B * ax, transpose(B)), ay), r
         )
         return Posterior(
             x, P, {"nu": nu, "S": Szz + R, "weight": 1 / ay, "state_weight": 1 / ax, "last_change": change}
@@ -91,13 +104,16 @@ class Regression:
         ax, ay = np.ones((B.shape[1], r.shape[-1])), np.ones_like(r)
         Bt = transpose(B)
         fixed = mul(B, Bt) if self.state_rows == "unit" else None
-        d = change = np.zeros_like(ax)
-        for step in range(self.passes + 1):
-            S = (mul(B * ax, Bt) if fixed is None else fixed) + diag(ay)
-            t = solve(S, r)
-            before, d, e = d, ax * mul(Bt, t), ay * t
-            change = np.abs(d - before).max(0, keepdims=True)
-            if step < self.passes:
-                ax = np.maximum(1.0, np.abs(d) / self.threshold) if fixed is None else ax
-                ay = np.maximum(1.0, np.abs(e) / self.threshold)
-        return ax, ay, change
+
+        def solution() -> tuple[Array, Array]:
+            """d and the residuals of the measurement rows."""
+            t = solve(add_diag(mul(B * ax, Bt), ay) if fixed is None else fixed + diag(ay), r)
+            return ax * mul(Bt, t), ay * t
+
+        d, e = solution()
+        for _ in range(self.passes):
+            ax = np.maximum(1.0, np.abs(d) / self.threshold) if fixed is None else ax
+            ay = np.maximum(1.0, np.abs(e) / self.threshold)
+            before = d
+            d, e = solution()
+        return ax, ay, np.abs(d - before).max(0, keepdims=True)

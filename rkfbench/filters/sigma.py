@@ -25,7 +25,7 @@ from annotated_types import Gt
 
 from rkfbench.errors import SpecError
 from rkfbench.filters.moments import Measured, Moments
-from rkfbench.linalg import Array, cholesky, eigh, mul, outer, solve, transpose
+from rkfbench.linalg import Array, cholesky, eigh, gram, mul, outer, solve, transpose
 from rkfbench.models import Model
 
 Redraw = Annotated[
@@ -34,11 +34,18 @@ Redraw = Annotated[
 
 
 class Star(NamedTuple):
-    """A function on the star: its mean (d, M), and twice its odd and even parts (d, n, M)."""
+    """A function on the star: its mean (d, M), cbar (d, M), and side by side twice its odd parts and sqrt(a) times
+    twice its even parts, (d, 2n, M).
+    """
 
     mean: Array
-    odd: Array
-    even: Array
+    offset: Array
+    parts: Array
+
+    @property
+    def odd(self) -> Array:
+        """Twice the odd parts, (d, n, M)."""
+        return self.parts[:, : self.parts.shape[1] // 2]
 
 
 class Rule(NamedTuple):
@@ -83,7 +90,7 @@ class SigmaPoints:
         values = model.h(points, k)
         hx = values[:, 0]
         seen = _star(model.residual(values, values[:, :1]), rule)
-        return Measured(hx + seen.mean, _covariance(seen, seen, rule), _product(A, seen.odd) / (2 * rule.h2), hx)
+        return Measured(hx + seen.mean, _covariance(seen, seen, rule), mul(A, transpose(seen.odd)) / (2 * rule.h2), hx)
 
     def measure_at(self, model: Model, x: Array, points: Array, k: int) -> Measured:
         """Moments of h(x) on points (n, 2n + 1, M) that another function has moved; x is their mean."""
@@ -191,32 +198,24 @@ def _points(x: Array, A: Array) -> Array:
 
 def _star(values: Array, rule: Rule) -> Star:
     """The star of a function from its values (d, 2n + 1, M) at the points."""
-    n = values.shape[1] // 2
-    plus, minus = values[:, 1 : n + 1], values[:, n + 1 :]
-    even = plus + minus
-    even -= 2 * values[:, :1]
-    return Star(values[:, 0] + even.sum(1) / (2 * rule.h2), plus - minus, even)
+    d, n, M = len(values), values.shape[1] // 2, values.shape[2]
+    centre, plus, minus = values[:, :1], values[:, 1 : n + 1], values[:, n + 1 :]
+    parts = np.empty((d, 2 * n, M))
+    odd, even = parts[:, :n], parts[:, n:]
+    np.subtract(plus, minus, out=odd)
+    np.add(plus, minus, out=even)
+    even -= 2 * centre
+    offset = even.sum(1)
+    offset /= 2 * rule.h2
+    if rule.a != 1:
+        even *= np.sqrt(rule.a)
+    return Star(values[:, 0] + offset, offset, parts)
 
 
 def _covariance(one: Star, other: Star, rule: Rule) -> Array:
     """Covariance of two functions on the same star."""
-    C = _product(one.odd, other.odd)
-    C += rule.a * _product(one.even, other.even)
+    C = gram(one.parts) if one is other else mul(one.parts, transpose(other.parts))
     C /= 4 * rule.h2
     if rule.b:
-        C += outer(rule.b * _mean_offset(one, rule), _mean_offset(other, rule))
-    return C
-
-
-def _mean_offset(star: Star, rule: Rule) -> Array:
-    return star.even.sum(1) / (2 * rule.h2)
-
-
-def _product(A: Array, B: Array) -> Array:
-    """sum_i a_i b_i' over the columns of A (p, n, M or 1) and B (q, n, M): (p, q, M)."""
-    if A is not B:
-        return mul(A, transpose(B))
-    C = np.empty((len(A), len(A), A.shape[-1]))
-    for i in range(len(A)):  # symmetric: half of it is enough
-        C[i, : i + 1] = C[: i + 1, i] = np.einsum("i...,ji...->j...", A[i], A[: i + 1])
+        C += rule.b * outer(one.offset, other.offset)
     return C

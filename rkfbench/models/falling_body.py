@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rkfbench.linalg import Array
 from rkfbench.models.base import Smooth
 
-BOUNDS = (1e7, 1e6, 10.0)  # |x| beyond these is no falling body any more
+BOUNDS = np.array([[1e7], [1e6], [10.0]])  # |x| beyond these is no falling body any more
 MOST_VARIANCE = 1e16
 
 
@@ -83,7 +83,7 @@ class FallingBody(Smooth):
 
     def plausible(self, x: Array, P: Array) -> NDArray[np.bool_]:
         """Whether an estimate is still about a falling body: far below overflow, but out of reach of any sound run."""
-        inside = (np.abs(x) <= np.array(BOUNDS)[:, None]).all(0)
+        inside = (np.abs(x) <= BOUNDS).all(0)
         return np.asarray(inside & (np.einsum("iim->im", P) <= MOST_VARIANCE).all(0))
 
 
