@@ -265,7 +265,8 @@ def _write_tables(
         of_cell = tuple(group)
         cell = of_cell[0].cell
         labels = tuple(label for label in of_cell[0].labels if (plan.name(cell), label) not in missing)
-        finished.append(outputs.Finished(cell, of_cell, labels))
+        if labels:
+            finished.append(outputs.Finished(cell, of_cell, labels))
     parts = [[unit.keys[label] for label in unit.labels] for unit in units]
     made_from = [scenario.resolved, parts, sorted(missing), facts["precision"]]
     hashes = {"plan": plan.digest(made_from), "code": plan.code_hash()}

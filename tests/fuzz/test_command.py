@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -82,7 +83,8 @@ def test_a_valid_study_with_extreme_numbers_ends_with_results_or_named_failures(
     except UsageError:
         return
     told: list[object] = []
-    with bounded():
+    with bounded(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of NumPy about overflow
         outcome = run_study(scenario, place / "r", engine=serial, report=told.append)
     assert [each for each in told if isinstance(each, Failure)] == list(outcome.failures)
     assert all(failure.message for failure in outcome.failures)

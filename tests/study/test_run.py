@@ -257,6 +257,28 @@ def test_a_filter_that_raises_stops_no_other(tmp_path: Path, compute: fakes.Comp
     assert tables(tmp_path / "r") == tables(tmp_path / "whole")
 
 
+def test_a_case_in_which_every_filter_raises_stops_no_other(tmp_path: Path, compute: fakes.Compute) -> None:
+    def one_case(spec: Any, *args: Any) -> Any:
+        if spec["rate"] == 0.1:
+            raise ValueError("no such matrix")
+        return compute(spec, *args)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys.modules["rkfbench.study.compute"], "compute", one_case)
+        outcome = run_study(fakes.scenario(), tmp_path / "r")
+    assert len(outcome.failures) == 6
+    results = Results.open(tmp_path / "r")
+    assert {row["case"] for row in results.summary} == {"rate=0.2"}
+    assert results.manifest["incomplete"] == ["rate=0.1 (literal): hkf", "rate=0.1 (literal): kf"]
+    compute.broken = {"kf", "hkf"}
+    run_study(fakes.scenario(), tmp_path / "none")
+    assert Results.open(tmp_path / "none").summary == []
+    compute.broken = set()
+    for folder in ("r", "none"):
+        assert not run_study(fakes.scenario(), tmp_path / folder).failures
+    assert tables(tmp_path / "r") == tables(tmp_path / "none")
+
+
 def test_extras_and_sensitivity_are_run_only_in_full(tmp_path: Path, compute: fakes.Compute) -> None:
     toy = fakes.scenario(filters=["kf", "spare"])
     first, second = toy.cells

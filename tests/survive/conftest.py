@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.survive.study import Study
+from tests.survive.study import SMALL, Study
 
 
 class Whole(NamedTuple):
@@ -24,6 +24,19 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     begin = time.perf_counter()
     assert study.run("--jobs", "1").code == 0
     return Whole(study.numbers(), time.perf_counter() - begin)
+
+
+@pytest.fixture(scope="session")
+def small_whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    study = Study.at(tmp_path_factory.mktemp("small"), runs=SMALL)
+    assert study.run_here().code == 0
+    return study.numbers()
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Study:
+    """The study with few runs, for this process."""
+    return Study.at(tmp_path, runs=SMALL)
 
 
 @pytest.fixture

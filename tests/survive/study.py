@@ -14,13 +14,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from typer.testing import CliRunner
+
+from rkfbench.cli.commands import app
+
 ROOT = Path(__file__).parents[2]
 COMMAND = (sys.executable, "-m", "rkfbench")  # in ROOT: its own rkfbench, whatever is installed
 
 SCENARIO = """\
 name: survivor
 seed: 5
-runs: {paper: 9000}
+runs: {paper: RUNS}
 steps: 12
 model: {kind: navigation, dt: 0.5, observed: [px, py, vx]}
 start: {truth: [1, 1, 1, 1]}
@@ -45,7 +49,8 @@ claims:
     evidence: ours
     ordering: {metric: err_norm, filters: kf, cases: [rate=0.4, rate=0], along: cases}
 """
-BLOCKS = 6  # 9000 runs are three blocks of each of two cases
+RUNS, BLOCKS = 9000, 6  # three blocks of each of two cases
+SMALL = 20  # runs, where it is about the number of files and not of blocks
 
 
 @dataclass(frozen=True)
@@ -55,9 +60,9 @@ class Study:
     place: Path  # holds the scenario and the results
 
     @classmethod
-    def at(cls, place: Path) -> Study:
+    def at(cls, place: Path, runs: int = RUNS) -> Study:
         place.mkdir(parents=True, exist_ok=True)
-        (place / "survivor.yaml").write_text(SCENARIO)
+        (place / "survivor.yaml").write_text(SCENARIO.replace("RUNS", str(runs)))
         return cls(place)
 
     @property
@@ -81,6 +86,11 @@ class Study:
 
     def run(self, *options: str, **how: Any) -> Ended:
         return ended(self.start(*options, **how))
+
+    def run_here(self) -> Ended:
+        """The same in this process."""
+        done = CliRunner().invoke(app, ["run", str(self.place / "survivor.yaml"), "--out", str(self.results)])
+        return Ended(done.exit_code, done.stdout, done.stderr)
 
     def command(self, *args: str) -> Ended:
         """Another command."""

@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from rkfbench.cli import main
-from rkfbench.cli.commands import app
 from tests.survive.conftest import Whole
-from tests.survive.study import Study, ended, goes_on, is_whole
+from tests.survive.study import SMALL, Study, ended, goes_on, is_whole
 
 INTERRUPTS = 20
 LAST_LINE = "the same command goes on from there"
@@ -59,7 +57,7 @@ def test_a_second_ctrl_c_changes_nothing(study: Study, whole: dict[str, bytes]) 
 
 
 def test_ctrl_c_while_the_command_is_still_being_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*args: Any) -> None:
+    def interrupted(prog_name: str) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sys, "argv", ["rkfbench", "--version"])
@@ -72,20 +70,10 @@ def test_ctrl_c_while_the_command_is_still_being_imported(monkeypatch: pytest.Mo
         signal.signal(signal.SIGINT, before)
 
 
-@pytest.fixture
-def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
-    """The study with few runs, for running it in this process."""
-    monkeypatch.chdir(tmp_path)
-    study = Study.at(tmp_path)
-    path = study.place / "survivor.yaml"
-    path.write_text(path.read_text().replace("9000", "20"))
-    return study
-
-
 class Interrupting:
-    """An `os.replace` after which Ctrl-C comes, at its `n`-th call; 0 only counts."""
+    """An `os.replace` with a Ctrl-C at its `n`-th call, before it does its work or after; 0 only counts."""
 
-    def __init__(self, n: int, before: bool) -> None:
+    def __init__(self, n: int, before: bool = True) -> None:
         self.n, self.before, self.calls = n, before, 0
         self.replace = os.replace
 
@@ -98,40 +86,31 @@ class Interrupting:
             raise KeyboardInterrupt
 
 
-def run(replace: Interrupting, monkeypatch: pytest.MonkeyPatch) -> Any:
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", replace)
-        return CliRunner().invoke(app, ["run", "survivor.yaml", "--jobs", "1"])
-
-
-@pytest.fixture(scope="session")
-def small_whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, bytes], int]:
-    """What the small study gives undisturbed, and the number of files that it writes, the manifest each time."""
+@pytest.fixture(scope="module")
+def writes(tmp_path_factory: pytest.TempPathFactory) -> int:
+    """The files that the small study writes, the manifest each time."""
     with pytest.MonkeyPatch.context() as patch:
-        place = tmp_path_factory.mktemp("small")
-        patch.chdir(place)
-        study = Study.at(place)
-        path = place / "survivor.yaml"
-        path.write_text(path.read_text().replace("9000", "20"))
-        count = Interrupting(0, before=True)
-        assert run(count, patch).exit_code == 0
-        return study.numbers(), count.calls
+        count = Interrupting(0)
+        patch.setattr(os, "replace", count)
+        assert Study.at(tmp_path_factory.mktemp("count"), runs=SMALL).run_here().code == 0
+        return count.calls
 
 
 @pytest.mark.parametrize("share", [0.4, 0.97, *(pytest.param(i / 40, marks=pytest.mark.slow) for i in range(40))])
 @pytest.mark.parametrize("before", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_ctrl_c_at_any_file_leaves_whole_files(
-    small: Study, small_whole: tuple[dict[str, bytes], int], monkeypatch: pytest.MonkeyPatch, share: float, before: bool
+    small: Study, small_whole: dict[str, bytes], writes: int, share: float, before: bool
 ) -> None:
     """Blocks, tables, claims, drawings, manifests: just before a file takes its place, or just after."""
-    whole, writes = small_whole
-    interrupted = run(Interrupting(1 + int(share * writes), before), monkeypatch)
-    assert interrupted.exit_code == 130
-    assert interrupted.stderr.endswith(f"{LAST_LINE}\n")
-    is_whole(small, whole)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "replace", Interrupting(1 + int(share * writes), before))
+        interrupted = small.run_here()
+    assert interrupted.code == 130
+    assert interrupted.err.endswith(f"{LAST_LINE}\n")
+    is_whole(small, small_whole)
     assert small.hidden() == []
-    assert run(Interrupting(0, before), monkeypatch).exit_code == 0
-    assert small.numbers() == whole
+    assert small.run_here().code == 0
+    assert small.numbers() == small_whole
 
 
 def is_rkfbench(pid: int) -> bool:
