@@ -131,9 +131,7 @@ def reproduce(
 
     loaded = list(map(load_bundled, bundled()))
     studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
-    outcomes = _experiments(
-        terminal, studies, full=full or reference, fresh=fresh, jobs=jobs, scheduler=scheduler
-    )
+    outcomes = _experiments(terminal, studies, full=full or reference, fresh=fresh, jobs=jobs, scheduler=scheduler)
     failed = any(outcome.failures for outcome in outcomes)
     folders, different = [], []
     for (scenario, folder), outcome in zip(studies, outcomes, strict=True):
