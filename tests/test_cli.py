@@ -210,14 +210,18 @@ def test_a_filter_that_raises_is_named_and_ends_with_exit_code_1(small: Path, mo
     assert {row["filter"] for row in Results.open("results/small").summary} == {"kf"}
 
 
-def test_ctrl_c_keeps_finished_blocks_and_says_how_to_go_on(small: Path) -> None:
-    command = [sys.executable, "-m", "rkfbench", "run", small, "--jobs", "1", "--runs", "20000", "--set", "steps=500"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": ROOT}) as process:
+@pytest.mark.parametrize("engine", [["--jobs", "1"], ["--jobs", "2"], ["--jobs", "2", "--scheduler", "local"]], ids=str)
+def test_ctrl_c_keeps_finished_blocks_and_says_how_to_go_on(small: Path, engine: list[str]) -> None:
+    command = [sys.executable, "-m", "rkfbench", "run", small, "--runs", "20000", "--set", "steps=500", *engine]
+    environment = os.environ | {"PYTHONPATH": ROOT}
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
+    ) as process:
         blocks = Path("results/small~steps=500,runs=20000/blocks")
-        deadline = time.monotonic() + 60
-        while not (blocks.is_dir() and any(blocks.glob("*.block"))) and time.monotonic() < deadline:
+        deadline = time.monotonic() + 120
+        while len(list(blocks.glob("*.block"))) < 4 and time.monotonic() < deadline:  # the last ones may be incomplete
             time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
+        os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to all of them
         _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert re.search(r"interrupted; \d+ finished blocks? of small kept: the same command goes on from there\n", stderr)

@@ -32,7 +32,9 @@ Fresh = Annotated[bool, typer.Option("--fresh", help="Compute everything anew.")
 Jobs = Annotated[int | None, typer.Option("--jobs", min=1, help="Processes (default: all cores when it pays).")]
 Scheduler = Annotated[
     str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler; 'local' starts one here with --jobs workers."),
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Dask scheduler to use; 'local' starts one with --jobs workers."
+    ),
 ]
 Precision = Annotated[
     list[str],
@@ -124,6 +126,7 @@ def reproduce(
     full: Full = False,
     fresh: Fresh = False,
     jobs: Jobs = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Run all bundled scenarios, judge the claims, make the report, compare with results/reference.
 
@@ -140,7 +143,9 @@ def reproduce(
         folder = RESULTS / scenario.name
         if reference:
             scenario, folder = reference_study(scenario)
-        outcome = _experiment(terminal, scenario, folder, full=full or reference, fresh=fresh, jobs=jobs)
+        outcome = _experiment(
+            terminal, scenario, folder, full=full or reference, fresh=fresh, jobs=jobs, scheduler=scheduler
+        )
         if outcome.failures:
             failed = True
         elif reference:

@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
 from rkfbench.errors import RkfbenchError, UsageError
-from rkfbench.study.engines import AHEAD
+from rkfbench.study.engines import deaf
 from rkfbench.study.jobs import Done, Job, work
 from rkfbench.study.packing import Agenda, divided
 from rkfbench.study.plan import code_hash
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 CONNECT = 10  # seconds for a scheduler to answer
+AHEAD = 2  # jobs on their way for each worker: one is computed, one waits beside it
 WORKERS = 60  # seconds for its first worker to appear
 
 
@@ -38,10 +39,9 @@ def local(jobs: Sequence[Job], workers: int) -> Iterator[Done]:
     """A cluster of its own on this machine with `workers` processes, for this study only."""
     distributed = _distributed()
     options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": "ERROR"}
-    with (
-        distributed.LocalCluster(**options) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):
+    with deaf():
+        cluster = distributed.LocalCluster(**options)
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
         yield from _through(client, jobs, cluster.scheduler_address)
 
 

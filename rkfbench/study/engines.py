@@ -10,17 +10,22 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
+from typing import TYPE_CHECKING, cast
 
 from rkfbench import blas
 from rkfbench.errors import RkfbenchError
 from rkfbench.study.jobs import Done, Job, stream, work
 from rkfbench.study.packing import Agenda, divided
 
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
+
 Engine = Callable[[Sequence[Job]], Iterator[Done]]
 
 START_UP = 3.0  # seconds of work that make starting worker processes worth their start-up
-AHEAD = 2  # jobs for each worker that are on their way: one computed, one waiting beside it
 
 
 def cores() -> int:
@@ -62,42 +67,74 @@ def automatic(jobs: Sequence[Job]) -> Iterator[Done]:
 
 
 def processes(jobs: Sequence[Job], workers: int) -> Iterator[Done]:
-    """`workers` processes on this machine (started by spawn: no state is inherited)."""
+    """`workers` processes on this machine (started by spawn: no state is inherited), each with a pipe of its own, so
+    that the end of one, at any moment, is seen and hurts no other.
+    """
     import multiprocessing
-    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing.connection import wait
 
     blas.one_thread()
+    context = multiprocessing.get_context("spawn")
     jobs = divided(jobs, workers)
     agenda = Agenda(jobs)
-    pool = ProcessPoolExecutor(
-        min(workers, len(jobs)) or 1, mp_context=multiprocessing.get_context("spawn"), initializer=_ignore_interrupts
-    )
-    running: dict[Future[Done], Job] = {}
+    team: dict[Connection, BaseProcess] = {}
+    busy: dict[Connection, Job] = {}
+
+    def next_for(pipe: Connection) -> None:
+        if job := agenda.take():
+            busy[pipe] = job
+            pipe.send(job)
+
+    try:
+        with deaf():
+            for _ in range(min(workers, len(jobs))):
+                ours, theirs = context.Pipe()
+                process = context.Process(target=_serve, args=(theirs,))
+                process.start()
+                theirs.close()
+                team[ours] = process
+        try:
+            for pipe in team:
+                next_for(pipe)
+            while busy:
+                for ready in wait(list(busy)):
+                    pipe = cast("Connection", ready)
+                    done: Done = pipe.recv()
+                    agenda.learn(busy.pop(pipe), done.seconds)
+                    next_for(pipe)
+                    yield done
+        except (EOFError, ConnectionError) as error:
+            raise RkfbenchError(
+                "a worker process was killed (out of memory?); finished blocks are kept: run the same command again, "
+                "with fewer --jobs if memory was short"
+            ) from error
+    finally:
+        for member in team.values():
+            member.terminate()
+        for pipe, member in team.items():
+            member.join()
+            pipe.close()
+
+
+def _serve(pipe: Connection) -> None:
+    """Compute the jobs that come through a pipe until it is closed at the other end."""
     try:
         while True:
-            while len(running) < AHEAD * workers and (job := agenda.take()):
-                running[pool.submit(work, job)] = job
-            if not running:
-                break
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                done = future.result()
-                agenda.learn(running.pop(future), done.seconds)
-                yield done
-    except BrokenProcessPool as error:
-        raise RkfbenchError(
-            "a worker process was killed (out of memory?); finished blocks are kept: run the same command again, "
-            "with fewer --jobs if memory was short"
-        ) from error
-    except BaseException:
-        children = multiprocessing.active_children()
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in children:
-            child.terminate()
-        raise
-    pool.shutdown()
+            pipe.send(work(pipe.recv()))
+    except (EOFError, ConnectionError):
+        return
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; only the driver answers it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextmanager
+def deaf() -> Iterator[None]:
+    """What is started here never hears Ctrl-C, which reaches every process of a terminal: only the driver answers it,
+    when this has ended.
+    """
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its start, which the first process would be the occasion for, unblocks signals
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -119,6 +119,23 @@ def test_the_study_survives_a_killed_worker(study: Scenario, tmp_path: Path, exp
     assert tables(tmp_path / "r") == expected
 
 
+def test_a_killed_process_is_one_message_and_what_was_finished_is_kept(
+    study: Scenario, tmp_path: Path, expected: dict[str, bytes]
+) -> None:
+    def shot(work: Sequence[Job]) -> Iterator[Done]:
+        for done in engines.processes(work, workers=2):
+            for process in multiprocessing.active_children():
+                process.kill()
+            yield done
+
+    with pytest.raises(RkfbenchError, match="a worker process was killed"):
+        run_study(study, tmp_path / "r", engine=shot)
+    assert multiprocessing.active_children() == []
+    assert list((tmp_path / "r/blocks").iterdir())
+    assert run_study(study, tmp_path / "r").computed > 0
+    assert tables(tmp_path / "r") == expected
+
+
 def test_a_worker_with_other_code_is_refused(study: Scenario, tmp_path: Path) -> None:
     unit = next(plan.units(study, tmp_path, full=False))
     (job, *_) = packed([(unit, unit.labels)], study.seed, study.runs)
