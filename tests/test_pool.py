@@ -26,7 +26,8 @@ def test_results_come_in_the_order_of_the_items_or_in_that_of_their_ends() -> No
         list(pool.ordered(process_of, [0.0, 0.0]))  # both processes are up
         slow, fast = 0.5, 0.0
         assert [seconds for seconds, _ in pool.ordered(process_of, [slow, fast])] == [slow, fast]
-        assert [seconds for seconds, _ in pool.unordered(process_of, [slow, fast])] == [fast, slow]
+        items = iter([slow, fast])
+        assert [item for item, _ in pool.fed(process_of, lambda: next(items, None))] == [fast, slow]
 
 
 def test_processes_are_started_when_they_are_wanted_and_kept() -> None:

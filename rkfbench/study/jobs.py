@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -44,10 +44,16 @@ class Job:
         """The same with fewer filters."""
         return replace(self, labels=labels)
 
-    def cases(self) -> Iterator[Job]:
-        """Each of its cases alone."""
-        for unit, spec in zip(self.units, self.specs, strict=True):
-            yield replace(self, units=(unit,), specs=(spec,))
+    def of_cases(self, places: Sequence[int]) -> Job:
+        """The same with fewer cases."""
+        units, specs = tuple(self.units[i] for i in places), tuple(self.specs[i] for i in places)
+        return replace(self, units=units, specs=specs)
+
+    def singles(self) -> Iterator[Job]:
+        """Each filter in each case alone."""
+        for label in self.labels:
+            for i in range(len(self.units)):
+                yield self.of_labels(label).of_cases([i])
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,7 @@ def stream(job: Job) -> Iterator[Done]:
             yield Done({}, {(job.units[0], job.labels[0]): fault}, time.perf_counter() - begin)
             return
     for label in left:
-        singles = [work(single) for single in job.of_labels(label).cases()]
+        singles = [work(single) for single in job.of_labels(label).singles()]
         yield Done(
             {place: part for done in singles for place, part in done.parts.items()},
             {place: fault for done in singles for place, fault in done.faults.items()},

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from rkfbench.streams import GROUP
 from rkfbench.study import plan
@@ -16,7 +16,8 @@ from rkfbench.study.jobs import Job
 if TYPE_CHECKING:
     from rkfbench.study.plan import Unit
 
-A_WORKER = 4  # jobs for each worker, so that none waits long for the last one
+A_WORKER = 2  # jobs for each worker, at least, so that none waits long for the last one
+T = TypeVar("T")
 
 
 def packed(wanted: Sequence[tuple[Unit, tuple[str, ...]]], seed: int, runs: int) -> list[Job]:
@@ -47,31 +48,47 @@ def packed(wanted: Sequence[tuple[Unit, tuple[str, ...]]], seed: int, runs: int)
 
 
 def divided(jobs: Sequence[Job], workers: int) -> list[Job]:
-    """The jobs cut into smaller ones until there are enough for `workers`: first between filters that share no work,
-    then between filters that could share some, then between cases.
+    """The jobs cut into smaller ones if they are too few for `workers`: between filters that share no work, then
+    between filters that could share some, then between cases. No more than needed: every piece simulates its runs anew.
     """
-    for cut in (_unrelated, _related, Job.cases):
-        if len(jobs) >= A_WORKER * workers:
-            break
-        jobs = [piece for job in jobs for piece in cut(job)]
-    return list(jobs)
+    pieces = list(jobs)
+    for cut in (_unrelated, _related, _cases):
+        count = -(-A_WORKER * workers // max(len(pieces), 1))
+        if count > 1:
+            pieces = [piece for job in pieces for piece in cut(job, count)]
+    return pieces
 
 
-def _unrelated(job: Job) -> Iterator[Job]:
-    return _cut(job, partners=True)
+def _unrelated(job: Job, count: int) -> Iterator[Job]:
+    return _filters(job, count, partners=True)
 
 
-def _related(job: Job) -> Iterator[Job]:
-    return _cut(job, partners=False)
+def _related(job: Job, count: int) -> Iterator[Job]:
+    return _filters(job, count, partners=False)
 
 
-def _cut(job: Job, partners: bool) -> Iterator[Job]:
+def _filters(job: Job, count: int, partners: bool) -> Iterator[Job]:
+    """Filters apart; those that take one case after the other anyhow, often the dearest, with their cases apart."""
     from rkfbench.study.compute import sharing
     from rkfbench.study.wide import apart
 
-    for labels in sharing(job.specs[0], job.labels, partners):
-        group = job.of_labels(*labels)
-        yield from group.cases() if apart(job.specs[0], labels) else [group]
+    groups = sharing(job.specs[0], job.labels, partners)
+    single = [group for group in groups if len(job.units) > 1 and apart(job.specs[0], group)]
+    for some in _spread([group for group in groups if group not in single], count):
+        yield job.of_labels(*(label for group in some for label in group))
+    if single:
+        yield from _cases(job.of_labels(*(label for group in single for label in group)), count)
+
+
+def _cases(job: Job, count: int) -> Iterator[Job]:
+    for some in _spread(range(len(job.units)), count):
+        yield job.of_cases(some)
+
+
+def _spread(items: Sequence[T], count: int) -> list[Sequence[T]]:
+    """The items in at most `count` heaps."""
+    count = min(count, len(items))
+    return [items[i::count] for i in range(count)]
 
 
 class Agenda:
@@ -79,7 +96,7 @@ class Agenda:
 
     def __init__(self, jobs: Sequence[Job]) -> None:
         self._waiting: dict[tuple[str, ...], deque[Job]] = {}
-        for job in jobs:
+        for job in sorted(jobs, key=lambda job: -len(job.units)):
             self._waiting.setdefault(job.labels, deque()).append(job)
         self._begun: set[tuple[str, ...]] = set()
         self._seconds: dict[tuple[str, ...], float] = {}

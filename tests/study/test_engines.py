@@ -66,9 +66,7 @@ def tables(folder: Path) -> dict[str, bytes]:
 
 def case_by_case(work: Sequence[Job]) -> Generator[Done]:
     """Every filter of every case in a job of its own."""
-    yield from map(
-        jobs.work, (single for job in work for label in job.labels for single in job.of_labels(label).cases())
-    )
+    yield from map(jobs.work, (single for job in work for single in job.singles()))
 
 
 def pooled(engine: Callable[[Sequence[Job], Pool], Generator[Done]]) -> Engine:
@@ -129,6 +127,23 @@ def test_the_study_survives_a_killed_worker(study: Scenario, tmp_path: Path, exp
 
         assert not run_study(study, tmp_path / "r", engine=shot).failures
         assert killed and killed[0] not in client.run(os.getpid).values()
+    assert tables(tmp_path / "r") == expected
+
+
+def test_a_killed_process_is_one_message_and_what_was_finished_is_kept(
+    study: Scenario, tmp_path: Path, expected: dict[str, bytes]
+) -> None:
+    def shot(work: Sequence[Job]) -> Generator[Done]:
+        for done in pooled(engines.processes)(work):
+            for process in multiprocessing.active_children():
+                process.kill()
+            yield done
+
+    with pytest.raises(RkfbenchError, match="a worker process was killed"):
+        run_study(study, tmp_path / "r", engine=shot)
+    assert multiprocessing.active_children() == []
+    assert list((tmp_path / "r/blocks").iterdir())
+    assert run_study(study, tmp_path / "r").computed > 0
     assert tables(tmp_path / "r") == expected
 
 
@@ -227,7 +242,7 @@ def test_work_that_is_divided_is_all_the_work_once(study: Scenario, tmp_path: Pa
     assert (
         places(pieces) == places(whole) == sorted((i, label) for i, unit in enumerate(units) for label in unit.labels)
     )
-    assert len(pieces) >= min(4 * workers, 16)
+    assert len(pieces) >= min(2 * workers, 16)
 
 
 def test_cases_are_packed_side_by_side_within_the_memory_of_a_block(tmp_path: Path, file: Path) -> None:
@@ -242,9 +257,21 @@ def test_filters_that_share_work_are_divided_last(study: Scenario, tmp_path: Pat
     whole = packed([(unit, unit.labels) for unit in units], study.seed, study.runs)
     tied = [("kf", "hkf"), ("aladkf",), ("clairvoyant_kf",)]  # hkf has a metric that compares it with kf
     assert sharing(whole[0].specs[0], whole[0].labels) == tied
-    assert divided(whole * 4, 1) == whole * 4
-    assert [job.labels for job in divided(whole * 4, 2)] == tied * 4
-    assert [job.labels for job in divided(whole * 4, 4)] == [(label,) for label in whole[0].labels] * 4
+    assert divided(whole * 4, 2) == whole * 4
+    assert [job.labels for job in divided(whole, 1)] == [("kf", "hkf", "clairvoyant_kf"), ("aladkf",)]
+    assert [job.labels for job in divided(whole, 2)] == [(label,) for label in whole[0].labels]
+
+
+def test_filters_that_go_case_by_case_have_their_cases_divided(tmp_path: Path, file: Path) -> None:
+    units = list(plan.units(load(file, runs=100), tmp_path, full=False))
+    whole = packed([(unit, unit.labels) for unit in units], 1, 100)
+    assert [job.units for job in whole] == [(0, 1)]
+    assert [(job.units, job.labels) for job in divided(whole, 1)] == [
+        ((0, 1), ("kf", "hkf")),
+        ((0, 1), ("aladkf",)),
+        ((0,), ("clairvoyant_kf",)),
+        ((1,), ("clairvoyant_kf",)),
+    ]
 
 
 def test_a_smoother_takes_the_filter_along_that_it_runs_anyhow() -> None:

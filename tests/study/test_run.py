@@ -258,13 +258,13 @@ def test_a_filter_that_raises_stops_no_other(tmp_path: Path, compute: fakes.Comp
 
 
 def test_a_case_in_which_every_filter_raises_stops_no_other(tmp_path: Path, compute: fakes.Compute) -> None:
-    def one_case(spec: Any, *args: Any) -> Any:
-        if spec["rate"] == 0.1:
+    def one_case(specs: Any, *args: Any) -> Any:
+        if any(spec["rate"] == 0.1 for spec in specs):
             raise ValueError("no such matrix")
-        return compute(spec, *args)
+        return compute.together(specs, *args)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys.modules["rkfbench.study.compute"], "compute", one_case)
+        patch.setattr(sys.modules["rkfbench.study.compute"], "together", one_case)
         outcome = run_study(fakes.scenario(), tmp_path / "r")
     assert len(outcome.failures) == 6
     results = Results.open(tmp_path / "r")

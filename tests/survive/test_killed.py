@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import time
 from pathlib import Path
@@ -70,7 +71,7 @@ def test_a_killed_worker_is_told_and_its_run_goes_on(study: Study, whole: dict[s
     assert no_process_is_left(process.pid)
     again = study.run(*long)
     assert again.code == 0
-    assert f"{kept} used again" in again.err
+    assert re.search(r"[1-9]\d* used again", again.err)  # a block on its way may be kept in part
     other = Study.at(study.place / "other")
     other.run("--jobs", "1", "--set", "steps=120")
     assert study.numbers() == other.numbers()
