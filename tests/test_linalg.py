@@ -116,3 +116,41 @@ def test_a_sandwich_is_symmetric_to_the_last_bit(M):
         for i in range(M):
             own = A if A.ndim == 2 else A[..., i]
             np.testing.assert_allclose(B[..., i], own @ P[..., i] @ own.T, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("M", [2, 9, 3000])
+def test_half_of_a_symmetric_product_gives_the_bits_of_the_whole(M, monkeypatch):
+    A = RNG.standard_normal((5, 4, M))
+    whole = np.einsum("ikM,jkM->ijM", A, A)
+    for many in (0, np.inf):
+        monkeypatch.setattr(linalg, "MANY", many)
+        assert np.array_equal(linalg.gram(A), whole)
+
+
+@pytest.mark.parametrize("H", [RNG.standard_normal((3, 4)), RNG.standard_normal((3, 4, 6))])
+def test_through_is_H_P_H_and_P_H(H):
+    P = batch(4, 6)
+    S, C = linalg.through(H, P)
+    each = linalg.batched(H) + np.zeros(6)
+    np.testing.assert_allclose(S, np.einsum("aim,ijm,bjm->abm", each, P, each), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(C, np.einsum("ijm,bjm->ibm", P, each), rtol=1e-12, atol=1e-12)
+    assert np.array_equal(S, linalg.transpose(S))
+
+
+def test_finite_tells_numbers_from_what_is_none():
+    assert linalg.finite(np.full((2, 3), 1e100))
+    assert not any(linalg.finite(np.array([[1.0, bad]])) for bad in (np.nan, np.inf, -np.inf))
+
+
+def test_exp_is_exp_but_for_what_underflows():
+    x = np.array([0.0, -1.0, -699.0, -np.inf, np.nan, 3.0])
+    np.testing.assert_allclose(linalg.exp(x.copy()), np.exp(x), rtol=1e-15, atol=1e-300)
+
+
+def test_eigenvalues_do_not_depend_on_the_neighbours_of_a_run():
+    A = batch(4, 50)
+    A[..., 0] = np.diag([1.0, 2.0, 3.0, 4.0])  # needs no sweep at all
+    together = linalg.eigvalsh(A)
+    for i in (0, 7):
+        assert np.array_equal(linalg.eigvalsh(A[..., i : i + 1])[:, 0], together[:, i])
+    np.testing.assert_allclose(together, np.linalg.eigvalsh(np.moveaxis(A, -1, 0)).T, rtol=1e-12)

@@ -223,16 +223,21 @@ class RobustAdaptiveFilter(AdaptiveFactorFilter):
         return Factors(alpha, self._prediction_factor(u), seen)
 
     def _robust_weights(self, nu: Array, R: Array) -> Array:
-        """log f_i at the end of the iteration: a run that stays where it is stays there while others go on.
+        """log f_i at the end of the iteration, which goes on only in the runs where one still changes.
 
         The factors stay logarithms: for a large gross error both plain weights may underflow to zero.
         """
         log_f, sd = np.zeros_like(nu), np.sqrt(R)
+        active, here, old = np.arange(nu.shape[1]), nu, log_f
         for _ in range(PASSES):
-            X = (_shares(log_f, R) * nu).sum(0)
-            before, log_f = log_f, log_factor((nu - X) / sd, self.lambda_alpha, self.factor)
-            if (log_f == before).all():
+            q = np.exp(old - old.max(0)) / R
+            X = (q * here).sum(0) / q.sum(0)
+            new = log_factor((here - X) / sd, self.lambda_alpha, self.factor)
+            changed = (new != old).any(0)
+            log_f[:, active] = new
+            if not changed.any():
                 break
+            active, here, old = active[changed], here[:, changed], new[:, changed]
         return log_f
 
 
