@@ -154,7 +154,7 @@ def test_ctrl_c_keeps_finished_blocks_and_says_how_to_go_on(small: Path) -> None
     command = [sys.executable, "-m", "rkfbench", "run", small, "--jobs", "1", "--runs", "20000", "--set", "steps=500"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": ROOT}) as process:
         blocks = Path("results/small~steps=500,runs=20000/blocks")
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while len(list(blocks.glob("*.block"))) < 2 and time.monotonic() < deadline:  # the first is told by then
             time.sleep(0.02)
         process.send_signal(signal.SIGINT)
