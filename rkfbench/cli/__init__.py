@@ -13,11 +13,14 @@ import sys
 
 from rkfbench import blas
 
+AGAIN = 0.01  # seconds, in which any destructor ends
+
 
 def main() -> None:
     """Entry point of the command."""
     gc.set_threshold(100_000)  # modules and tables stay: looking for garbage among them takes a tenth of the start
     blas.one_thread()
+    sys.unraisablehook = _unraisable
     for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a character, or a file name that is no text
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -30,3 +33,14 @@ def main() -> None:
         sys.exit(130)
     finally:  # all is said and written: a Ctrl-C while Python ends does not change the exit code any more
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _unraisable(told: sys.UnraisableHookArgs) -> None:
+    """A Ctrl-C that met a destructor or a callback, from where nothing can be raised, comes again a moment later."""
+    if told.exc_type is KeyboardInterrupt:
+        import _thread
+        import threading
+
+        threading.Timer(AGAIN, _thread.interrupt_main).start()
+    else:
+        sys.__unraisablehook__(told)

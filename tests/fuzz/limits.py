@@ -13,10 +13,15 @@ from types import FrameType
 from hypothesis import HealthCheck, settings
 
 ODD = {"deadline": None, "suppress_health_check": list(HealthCheck)}  # `bounded` has the deadline
-settings.register_profile("quick", max_examples=40, derandomize=True, database=None, **ODD)
-settings.register_profile("some", max_examples=120, print_blob=True, **ODD)
-settings.register_profile("nightly", max_examples=500, print_blob=True, **ODD)
-PROFILE = settings.get_profile(os.environ.get("FUZZ", "quick"))  # 40 of each kind, always the same; or 500 new ones
+settings.register_profile("quick", max_examples=200, derandomize=True, database=None, **ODD)
+settings.register_profile("nightly", max_examples=3000, print_blob=True, **ODD)
+PROFILE = settings.get_profile(os.environ.get("FUZZ", "quick"))  # 200 in all, always the same; or 3000 new ones
+
+
+def percent(share: int) -> settings:
+    """Some of the examples."""
+    return settings(PROFILE, max_examples=PROFILE.max_examples * share // 100)
+
 
 SECONDS = 10.0  # of CPU
 MEMORY = 512 * 2**20  # bytes above what the process has

@@ -9,7 +9,7 @@ import warnings
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rkfbench.errors import UsageError
@@ -18,11 +18,9 @@ from rkfbench.study.engines import serial
 from rkfbench.study.events import Failure
 from rkfbench.study.run import run_study
 from tests.fuzz import hostile
-from tests.fuzz.limits import PROFILE, bounded
+from tests.fuzz.limits import bounded, percent
 
 ROOT = Path(__file__).parents[2]
-FEW = settings(PROFILE, max_examples=max(5, PROFILE.max_examples // 10))
-NIGHTLY = PROFILE.max_examples > 100
 
 
 def rkfbench(*args: str) -> subprocess.CompletedProcess[bytes]:
@@ -31,7 +29,7 @@ def rkfbench(*args: str) -> subprocess.CompletedProcess[bytes]:
     )
 
 
-@settings(PROFILE, max_examples=25 if NIGHTLY else 1)
+@percent(1)
 @given(st.one_of(hostile.mutated(hostile.LARGE), hostile.spliced(hostile.BASES)), hostile.TEXTS)
 def test_the_command_ends_with_0_or_2_and_no_traceback(
     tmp_path_factory: pytest.TempPathFactory, text: str, option: str
@@ -71,7 +69,7 @@ def extreme(draw: st.DrawFn) -> str:
 FILTERS = ["aladkf", "ukf", "ckf", "pekf", "{use: mckf, sigma: 1}", "hkf_regression", "hukf"]
 
 
-@FEW
+@percent(3)
 @given(extreme())
 def test_a_valid_study_with_extreme_numbers_ends_with_results_or_named_failures(
     tmp_path_factory: pytest.TempPathFactory, text: str

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rkfbench.errors import ScenarioError, UsageError
 from rkfbench.scenario import load, load_paper
 from tests.fuzz import hostile
-from tests.fuzz.limits import PROFILE, bounded
+from tests.fuzz.limits import bounded, percent
 
 # Problems have a place in a file or an option; what is wrong with a file as a whole has none.
 PLACE = re.compile(r"[^\n]*?(\.yaml:\d+:\d+: |--(set|sweep) )", re.S)
@@ -41,31 +41,31 @@ def is_sound(told: list[str]) -> bool:
     return all(PLACE.match(each) or WHOLE.match(each) for each in told)
 
 
-@PROFILE
+@percent(30)
 @given(hostile.mutated(hostile.BASES))
 def test_small_scenarios_with_other_values(text: str) -> None:
     assert is_sound(problems(text))
 
 
-@PROFILE
+@percent(10)
 @given(hostile.mutated(hostile.LARGE))
 def test_bundled_scenarios_with_other_values(text: str) -> None:
     assert is_sound(problems(text))
 
 
-@PROFILE
+@percent(25)
 @given(hostile.spliced(hostile.BASES | hostile.LARGE))
 def test_scenarios_with_pieces_of_text_put_in(text: str) -> None:
     assert is_sound(problems(text))
 
 
-@PROFILE
+@percent(25)
 @given(hostile.options(hostile.SMALL + hostile.CLAIMS))
 def test_options(options: dict[str, list[str]]) -> None:
     assert is_sound(problems(hostile.SMALL + hostile.CLAIMS, **options))
 
 
-@PROFILE
+@percent(10)
 @given(st.one_of(hostile.mutated(hostile.PAPERS), hostile.spliced(hostile.PAPERS)))
 def test_papers(text: str) -> None:
     assert is_sound(problems(text, load_paper))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 from typing import NamedTuple
+from unittest.mock import patch
 
 import pytest
 
@@ -27,10 +29,22 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Whole:
 
 
 @pytest.fixture(scope="session")
-def small_whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+def counted(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, bytes], int]:
+    """The small study, and how many files it writes, the manifest each time."""
     study = Study.at(tmp_path_factory.mktemp("small"), runs=SMALL)
-    assert study.run_here().code == 0
-    return study.numbers()
+    with patch("os.replace", side_effect=os.replace) as replace:
+        assert study.run_here().code == 0
+    return study.numbers(), replace.call_count
+
+
+@pytest.fixture
+def small_whole(counted: tuple[dict[str, bytes], int]) -> dict[str, bytes]:
+    return counted[0]
+
+
+@pytest.fixture
+def writes(counted: tuple[dict[str, bytes], int]) -> int:
+    return counted[1]
 
 
 @pytest.fixture

@@ -59,7 +59,8 @@ def test_a_full_disk_is_one_message_and_a_larger_one_completes_the_study(
     goes_on(study, whole, "--jobs", jobs)
 
 
-@pytest.mark.parametrize("most", [pytest.param(1_000, marks=slow), pytest.param(300_000, marks=slow), 900_000])
+@slow
+@pytest.mark.parametrize("most", [1_000, 120_000, 900_000])
 def test_a_file_that_may_not_grow_is_one_message(study: Study, whole: dict[str, bytes], most: int) -> None:
     """As under a quota: the system refuses to write more (here: more into one file)."""
 

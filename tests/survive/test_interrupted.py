@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 
 from rkfbench.cli import main
 from tests.survive.conftest import Whole
-from tests.survive.study import SMALL, Study, ended, goes_on, is_whole
+from tests.survive.study import ROOT, Study, ended, goes_on, is_whole
 
 INTERRUPTS = 20
 LAST_LINE = "the same command goes on from there"
@@ -37,7 +38,8 @@ def test_a_run_answers_to_ctrl_c_at_any_moment(study: Study, undisturbed: Whole,
         os.killpg(process.pid, signal.SIGINT)
     done = ended(process)
     print(f"interrupted after {moment:.3f} s with {study.blocks()} blocks: {done}")
-    assert done.code == 130 or (done.code == 0 and study.numbers() == undisturbed.numbers)
+    too_late = interrupt > INTERRUPTS // 2 and study.numbers() == undisturbed.numbers
+    assert done.code == 130 or (done.code == 0 and too_late)
     assert "Traceback" not in done.err
     is_whole(study, undisturbed.numbers)
     goes_on(study, undisturbed.numbers, "--jobs", jobs)
@@ -62,6 +64,7 @@ def test_ctrl_c_while_the_command_is_still_being_imported(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(sys, "argv", ["rkfbench", "--version"])
     monkeypatch.setattr("rkfbench.cli.commands.app", interrupted)
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     before = signal.getsignal(signal.SIGINT)
     try:
         with pytest.raises(SystemExit, match="130"):
@@ -70,10 +73,30 @@ def test_ctrl_c_while_the_command_is_still_being_imported(monkeypatch: pytest.Mo
         signal.signal(signal.SIGINT, before)
 
 
-class Interrupting:
-    """An `os.replace` with a Ctrl-C at its `n`-th call, before it does its work or after; 0 only counts."""
+def test_ctrl_c_in_a_destructor_is_not_lost() -> None:
+    """Python can only report what a destructor raises: of a run, the message was all that came of the Ctrl-C."""
+    code = """
+import os, signal, sys, time, rkfbench.cli, rkfbench.cli.commands
+class Closing:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):
+            pass
+def app(prog_name):
+    Closing()
+    time.sleep(30)
+    print("went on")
+rkfbench.cli.commands.app = app
+rkfbench.cli.main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
-    def __init__(self, n: int, before: bool = True) -> None:
+
+class Interrupting:
+    """An `os.replace` with a Ctrl-C at its `n`-th call, before it does its work or after."""
+
+    def __init__(self, n: int, before: bool) -> None:
         self.n, self.before, self.calls = n, before, 0
         self.replace = os.replace
 
@@ -86,17 +109,7 @@ class Interrupting:
             raise KeyboardInterrupt
 
 
-@pytest.fixture(scope="module")
-def writes(tmp_path_factory: pytest.TempPathFactory) -> int:
-    """The files that the small study writes, the manifest each time."""
-    with pytest.MonkeyPatch.context() as patch:
-        count = Interrupting(0)
-        patch.setattr(os, "replace", count)
-        assert Study.at(tmp_path_factory.mktemp("count"), runs=SMALL).run_here().code == 0
-        return count.calls
-
-
-@pytest.mark.parametrize("share", [0.4, 0.97, *(pytest.param(i / 40, marks=pytest.mark.slow) for i in range(40))])
+@pytest.mark.parametrize("share", [0.9, *(pytest.param(i / 40, marks=pytest.mark.slow) for i in range(40))])
 @pytest.mark.parametrize("before", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_ctrl_c_at_any_file_leaves_whole_files(
     small: Study, small_whole: dict[str, bytes], writes: int, share: float, before: bool

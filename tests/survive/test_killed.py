@@ -17,7 +17,7 @@ from tests.survive.study import Study, ended, goes_on, is_whole
 KILLS = 20
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kill", [7, *(pytest.param(i, marks=pytest.mark.slow) for i in range(KILLS) if i != 7)])
 def test_a_killed_run_goes_on_to_the_same_bytes(study: Study, undisturbed: Whole, jobs: str, kill: int) -> None:
     span = undisturbed.seconds * (1.0 if jobs == "1" else 1.5)
@@ -32,6 +32,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(study: Study, undisturbed: Whole
     goes_on(study, undisturbed.numbers, "--jobs", jobs)
 
 
+@pytest.mark.slow
 def test_a_run_is_killed_again_and_again(study: Study, undisturbed: Whole) -> None:
     """Each attempt gets as far as one more block."""
     for attempt in range(1, 4):
@@ -43,7 +44,6 @@ def test_a_run_is_killed_again_and_again(study: Study, undisturbed: Whole) -> No
     goes_on(study, undisturbed.numbers)
 
 
-@pytest.mark.slow
 def test_no_worker_outlives_its_driver(study: Study, whole: dict[str, bytes]) -> None:
     process = study.start("--jobs", "2")
     wait_for_blocks(study, 1)
@@ -54,6 +54,7 @@ def test_no_worker_outlives_its_driver(study: Study, whole: dict[str, bytes]) ->
     goes_on(study, whole, "--jobs", "2")
 
 
+@pytest.mark.slow
 def test_a_killed_worker_is_told_and_its_run_goes_on(study: Study, whole: dict[str, bytes]) -> None:
     long = ("--jobs", "2", "--set", "steps=120")
     process = study.start(*long)
