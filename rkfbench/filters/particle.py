@@ -262,7 +262,7 @@ class _Cloud:
         x = self.x if of is None else of
         found = {}
         if {f"{prefix}mean", f"{prefix}cov"} & {*names}:
-            found[f"{prefix}mean"] = mean = np.matmul(x.swapaxes(0, 1), self.weights[..., None])[..., 0].T
+            found[f"{prefix}mean"] = mean = np.einsum("imp,mp->im", x, self.weights)
             if f"{prefix}cov" in names:
                 d = x - mean[..., None]
                 found[f"{prefix}cov"] = np.matmul(
