@@ -50,11 +50,15 @@ class Pool:
             return
         import multiprocessing
 
-        children = multiprocessing.active_children()
+        children, results = multiprocessing.active_children(), self._processes._result_queue
         self._processes.shutdown(wait=kind is None, cancel_futures=True)
         if kind is not None:
             for child in children:
                 child.terminate()
+            for child in children:
+                child.join()
+            # who was reading a result that ended in the middle now meets its end instead of waiting for the rest
+            results._writer.close()  # type: ignore[attr-defined]
 
     def pays(self, seconds: float) -> bool:
         """Whether so many seconds of work in several pieces are better given to the processes than done here."""
@@ -117,11 +121,21 @@ def interrupts_held() -> Iterator[None]:
     from multiprocessing import resource_tracker
 
     resource_tracker.ensure_running()  # its start, which the first process would be the occasion for, unblocks signals
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()
+    # Another thread may take the signal: so Python's answer waits too. It goes first, and last: nothing raises between.
+    answer = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
     try:
-        yield
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if main:
+            signal.signal(signal.SIGINT, answer or signal.SIG_DFL)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _serve() -> None:

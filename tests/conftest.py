@@ -11,8 +11,10 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _ctrl_c_as_it_was() -> Iterator[None]:
-    """The command ends with Ctrl-C ignored; tests call it in their own process."""
-    before = signal.getsignal(signal.SIGINT)
+    """The command ends with Ctrl-C ignored, and tests call it in their own process; or they run in the background of a
+    shell, where it is ignored from the beginning.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
 

@@ -3,18 +3,25 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from rkfbench.errors import RkfbenchError
-from rkfbench.pool import Pool
+from rkfbench.pool import Pool, interrupts_held
 
 
 def process_of(seconds: float) -> tuple[float, int]:
     time.sleep(seconds)
     return seconds, os.getpid()
+
+
+def large(begun: Path) -> bytes:
+    begun.touch()
+    return bytes(200_000_000)
 
 
 def die(_: int) -> None:
@@ -64,3 +71,46 @@ def test_an_interruption_ends_the_processes_at_once() -> None:
     for process in running:
         process.join(60)
     assert [process.exitcode for process in running] == [-signal.SIGTERM]
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.15, 0.3])
+def test_an_interruption_in_the_middle_of_a_result_leaves_nobody_waiting(tmp_path: Path, seconds: float) -> None:
+    readers: list[Any] = []
+
+    def interrupted() -> None:
+        with Pool(1) as pool:
+            list(pool.ordered(process_of, [0.0]))  # its process is up
+            pool.submit(large, tmp_path / "begun")
+            assert pool._processes is not None
+            readers.append(pool._processes._executor_manager_thread)
+            while not (tmp_path / "begun").exists():
+                time.sleep(0.001)
+            time.sleep(seconds)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    readers[0].join(20)
+    assert not readers[0].is_alive()
+
+
+@pytest.mark.parametrize("threaded", [False, True], ids=["to this thread", "to another thread"])
+def test_an_interruption_that_is_held_is_answered_afterwards(threaded: bool) -> None:
+    steps: list[str] = []
+
+    def held() -> None:
+        with interrupts_held():
+            if threaded:  # as any thread but the main one may take a signal that is sent to the process
+                other = threading.Thread(target=lambda: signal.pthread_kill(threading.get_ident(), signal.SIGINT))
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+                other.start()
+                other.join()
+            else:
+                os.kill(os.getpid(), signal.SIGINT)
+            steps.append("held")
+        steps.append("never")
+
+    with pytest.raises(KeyboardInterrupt):
+        held()
+    assert steps == ["held"]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])

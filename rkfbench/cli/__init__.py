@@ -38,9 +38,9 @@ def main() -> None:
 def _unraisable(told: sys.UnraisableHookArgs) -> None:
     """A Ctrl-C that met a destructor or a callback, from where nothing can be raised, comes again a moment later."""
     if told.exc_type is KeyboardInterrupt:
-        import _thread
         import threading
 
-        threading.Timer(AGAIN, _thread.interrupt_main).start()
+        main = threading.main_thread().ident
+        threading.Timer(AGAIN, signal.pthread_kill, (main, signal.SIGINT)).start()
     else:
         sys.__unraisablehook__(told)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-from itertools import zip_longest
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from rkfbench.cli import claims, exchange, inspect, look, own
+from rkfbench.cli import claims, exchange, inspect, look, own, running
 from rkfbench.cli.common import command
 from rkfbench.cli.options import (
     Fresh,
@@ -85,25 +81,13 @@ def run(
         folders = [out if len(loaded) == 1 else out / scenario.name for scenario in loaded]
     studies = list(zip(loaded, folders, strict=True))
     if shard is None:
-        goals = [_goal(scenario, precision, max_runs) for scenario in loaded]
-        run_all(terminal, studies, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goals=goals)
+        goals = [running.goal(scenario, precision, max_runs) for scenario in loaded]
+        outcomes = running.experiments(
+            terminal, studies, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goals=goals
+        )
     else:
-        _show(terminal, _shards(terminal, studies, shard, full=full, jobs=jobs, scheduler=scheduler))
-
-
-def run_all(terminal: Terminal, studies: Sequence[tuple[Any, Path]], **options: Any) -> None:
-    """Run scenarios, each into its folder, and show the folders; exit code 1 when a filter raised."""
-    _show(terminal, _experiments(terminal, studies, **options))
-
-
-def _show(terminal: Terminal, outcomes: Sequence[Any]) -> None:
-    if terminal.json:
-        terminal.object([_as_data(outcome) for outcome in outcomes])
-    else:
-        for outcome in outcomes:
-            terminal.data(str(outcome.folder))
-    if any(outcome.failures for outcome in outcomes):
-        raise typer.Exit(1)
+        outcomes = running.shards(terminal, studies, shard, full=full, jobs=jobs, scheduler=scheduler)
+    running.show(terminal, outcomes)
 
 
 @app.command()
@@ -131,7 +115,9 @@ def reproduce(
 
     loaded = list(map(load_bundled, bundled()))
     studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
-    outcomes = _experiments(terminal, studies, full=full or reference, fresh=fresh, jobs=jobs, scheduler=scheduler)
+    outcomes = running.experiments(
+        terminal, studies, full=full or reference, fresh=fresh, jobs=jobs, scheduler=scheduler
+    )
     failed = any(outcome.failures for outcome in outcomes)
     folders, different = [], []
     for (scenario, folder), outcome in zip(studies, outcomes, strict=True):
@@ -198,103 +184,6 @@ def _check_together(
         raise UsageError("--shard cannot go with --precision, which looks at all blocks")
     if shard is not None and fresh:
         raise UsageError("--shard cannot go with --fresh, which would remove the blocks of other shards")
-
-
-def _goal(scenario: Any, precision: list[str], max_runs: int | None) -> Any:
-    """What `--precision` asks of a scenario, if anything."""
-    if not precision:
-        return None
-    from rkfbench.study.precision import Goal
-
-    return Goal.of(precision, max_runs, scenario)
-
-
-def _experiments(
-    terminal: Terminal,
-    studies: Sequence[tuple[Any, Path]],
-    *,
-    full: bool,
-    fresh: bool,
-    jobs: int | None,
-    scheduler: str | None = None,
-    goals: Sequence[Any] = (),
-) -> list[Any]:
-    """Experiments under the eyes of the user, one after the other; what can be made later is made beside the next."""
-    from rkfbench.aside import Aside
-    from rkfbench.pool import Pool
-    from rkfbench.reproduce import experiment
-    from rkfbench.study.engines import engine
-
-    outcomes = []
-    with Pool(jobs) as pool, Aside(pool.workers > 1) as aside:
-        how, argv = engine(jobs, pool, scheduler), ["rkfbench", *sys.argv[1:]]
-        shared: dict[str, Any] = {
-            "full": full,
-            "fresh": fresh,
-            "engine": how,
-            "pool": pool,
-            "aside": aside,
-            "argv": argv,
-        }
-        for (scenario, folder), goal in zip_longest(studies, goals):
-            with terminal.progress(scenario.name) as listen:
-                outcomes.append(experiment(scenario, folder, report=listen, goal=goal, **shared))
-            terminal.note(_summary(scenario.name, outcomes[-1]))
-    return outcomes
-
-
-def _shards(
-    terminal: Terminal,
-    studies: Sequence[tuple[Any, Path]],
-    text: str,
-    *,
-    full: bool,
-    jobs: int | None,
-    scheduler: str | None,
-) -> list[Any]:
-    """One shard of each experiment, and what is still to be done; on one core unless told otherwise."""
-    from rkfbench.pool import Pool
-    from rkfbench.reproduce import shard_of_experiment
-    from rkfbench.study.engines import engine
-    from rkfbench.study.shards import Shard
-
-    shard, outcomes = Shard.of(text), []
-    with Pool(jobs or 1) as pool:
-        how = engine(jobs or 1, pool, scheduler)
-        for scenario, folder in studies:
-            with terminal.progress(scenario.name) as listen:
-                outcome = shard_of_experiment(scenario, folder, shard, full=full, engine=how, report=listen)
-            done = f"{scenario.name}: shard {shard}: {outcome.computed} blocks computed, {outcome.reused} were there"
-            left = (
-                f"blocks of the study still to be computed by other shards: {outcome.open}; then"
-                if outcome.open
-                else "all blocks of the study are there:"
-            )
-            terminal.note(f"{done}; {left} the same command without --shard makes the tables")
-            outcomes.append(outcome)
-    return outcomes
-
-
-def _summary(name: str, outcome: Any) -> str:
-    if outcome.failures:
-        return f"{name}: {len(outcome.failures)} failures, told above; what was finished is in {outcome.folder}"
-    if not outcome.computed:
-        return f"{name}: nothing to compute, {outcome.folder} is up to date"
-    reused = f", {outcome.reused} used again" if outcome.reused else ""
-    return f"{name}: {outcome.computed} blocks computed{reused} in {outcome.seconds:.1f} s, results in {outcome.folder}"
-
-
-def _as_data(outcome: Any) -> dict[str, Any]:
-    return {
-        "folder": str(outcome.folder),
-        "computed": outcome.computed,
-        "reused": outcome.reused,
-        "changed": outcome.changed,
-        "runs": outcome.runs,
-        "open": outcome.open,
-        "seconds": outcome.seconds,
-        "failures": [str(failure) for failure in outcome.failures],
-    }
 
 
 claims.add_to(app)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rkfbench.cli import running
 from rkfbench.cli.common import command
 from rkfbench.cli.options import Cases, Fresh, Full, Jobs, Reading, Runs, ScenarioName, Seed, Sets, Sweeps
 from rkfbench.cli.terminal import Terminal
@@ -79,7 +80,6 @@ def score(
 
     The study has as many runs as the files, unless --runs says less.
     """
-    from rkfbench.cli.commands import run_all
     from rkfbench.errors import UsageError
     from rkfbench.filters.estimates import runs_of
     from rkfbench.reproduce import RESULTS
@@ -94,4 +94,5 @@ def score(
     named = dict(zip(names, estimates, strict=True))
     loaded = load(scenario, sets=sets, sweeps=sweeps, runs=runs or there, seed=seed, estimates=named)
     folder = out or RESULTS / f"{loaded.name}~score"
-    run_all(terminal, [(loaded, folder)], full=full, fresh=fresh, jobs=jobs)
+    outcomes = running.experiments(terminal, [(loaded, folder)], full=full, fresh=fresh, jobs=jobs)
+    running.show(terminal, outcomes)

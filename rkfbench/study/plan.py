@@ -160,7 +160,7 @@ def look_up(unit: Unit) -> Stored:
     if stale:
         reason = _difference(stale[0], found[stale[0]], unit.keys[stale[0]])
     else:
-        reason = f"filter {', '.join(missing)} is new" if found and missing else ""
+        reason = f"filter {', '.join(missing)} is not there yet" if found and missing else ""
     return Stored(usable, missing, reason)
 
 

@@ -143,7 +143,7 @@ def test_adding_a_filter_computes_only_that_filter(tmp_path: Path, compute: fake
     compute.calls.clear()
     _, events = run(fakes.scenario(filters=["kf", "new", "hkf"]), tmp_path / "r")
     assert {labels for _, _, labels in compute.calls} == {("new",)}
-    assert reasons(events) == {"filter new is new"}
+    assert reasons(events) == {"filter new is not there yet"}
     after = tables(tmp_path / "r")["runs.csv"].decode().splitlines()
     assert [line for line in after if ",new," not in line] == before
 

@@ -89,7 +89,8 @@ def app(prog_name):
 rkfbench.cli.commands.app = app
 rkfbench.cli.main()
 """
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=25)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 

@@ -1,0 +1,121 @@
+"""Experiments under the eyes of the user: progress while they run, what became of them when they have."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from rkfbench.cli.terminal import Terminal
+
+Studies = Sequence[tuple[Any, Path]]  # scenarios, each with its folder
+
+
+def experiments(
+    terminal: Terminal,
+    studies: Studies,
+    *,
+    full: bool,
+    fresh: bool,
+    jobs: int | None,
+    scheduler: str | None = None,
+    goals: Sequence[Any] = (),
+) -> list[Any]:
+    """Experiments one after the other; what can be made later is made beside the next."""
+    from rkfbench.aside import Aside
+    from rkfbench.pool import Pool
+    from rkfbench.reproduce import experiment
+    from rkfbench.study.engines import engine
+
+    outcomes = []
+    with Pool(jobs) as pool, Aside(pool.workers > 1) as aside:
+        how = engine(jobs, pool, scheduler)
+        for (scenario, folder), goal in zip(studies, goals or repeat(None), strict=False):
+            with terminal.progress(scenario.name) as listen:
+                outcome = experiment(
+                    scenario,
+                    folder,
+                    full=full,
+                    fresh=fresh,
+                    engine=how,
+                    pool=pool,
+                    aside=aside,
+                    report=listen,
+                    argv=["rkfbench", *sys.argv[1:]],
+                    goal=goal,
+                )
+            terminal.note(_summary(scenario.name, outcome))
+            outcomes.append(outcome)
+    return outcomes
+
+
+def shards(
+    terminal: Terminal, studies: Studies, text: str, *, full: bool, jobs: int | None, scheduler: str | None
+) -> list[Any]:
+    """One shard of each experiment, and what is still to be done; on one core unless told otherwise."""
+    from rkfbench.pool import Pool
+    from rkfbench.reproduce import shard_of_experiment
+    from rkfbench.study.engines import engine
+    from rkfbench.study.shards import Shard
+
+    shard, outcomes = Shard.of(text), []
+    with Pool(jobs or 1) as pool:
+        how = engine(jobs or 1, pool, scheduler)
+        for scenario, folder in studies:
+            with terminal.progress(scenario.name) as listen:
+                outcome = shard_of_experiment(scenario, folder, shard, full=full, engine=how, report=listen)
+            done = f"{scenario.name}: shard {shard}: {outcome.computed} blocks computed, {outcome.reused} were there"
+            left = (
+                f"blocks of the study still to be computed by other shards: {outcome.open}; then"
+                if outcome.open
+                else "all blocks of the study are there:"
+            )
+            terminal.note(f"{done}; {left} the same command without --shard makes the tables")
+            outcomes.append(outcome)
+    return outcomes
+
+
+def goal(scenario: Any, precision: list[str], max_runs: int | None) -> Any:
+    """What `--precision` asks of a scenario, if anything."""
+    if not precision:
+        return None
+    from rkfbench.study.precision import Goal
+
+    return Goal.of(precision, max_runs, scenario)
+
+
+def show(terminal: Terminal, outcomes: Sequence[Any]) -> None:
+    """The results folders, or all that is known of the outcomes as data; exit code 1 when a filter raised."""
+    if terminal.json:
+        terminal.object([_as_data(outcome) for outcome in outcomes])
+    else:
+        for outcome in outcomes:
+            terminal.data(str(outcome.folder))
+    if any(outcome.failures for outcome in outcomes):
+        raise typer.Exit(1)
+
+
+def _summary(name: str, outcome: Any) -> str:
+    if outcome.failures:
+        return f"{name}: {len(outcome.failures)} failures, told above; what was finished is in {outcome.folder}"
+    if not outcome.computed:
+        return f"{name}: nothing to compute, {outcome.folder} is up to date"
+    reused = f", {outcome.reused} used again" if outcome.reused else ""
+    return f"{name}: {outcome.computed} blocks computed{reused} in {outcome.seconds:.1f} s, results in {outcome.folder}"
+
+
+def _as_data(outcome: Any) -> dict[str, Any]:
+    return {
+        "folder": str(outcome.folder),
+        "computed": outcome.computed,
+        "reused": outcome.reused,
+        "changed": outcome.changed,
+        "runs": outcome.runs,
+        "open": outcome.open,
+        "seconds": outcome.seconds,
+        "failures": [str(failure) for failure in outcome.failures],
+    }
