@@ -48,9 +48,9 @@ class Known:
     w: Sample
     v: Sample
 
-    def of(self, runs: slice) -> Known:
-        """What is known of some of the runs."""
-        return Known(self.truth[..., runs], self.w.of(runs), self.v.of(runs))
+    def of(self, runs: slice, steps: int | None = None) -> Known:
+        """What is known of some of the runs, in the first steps."""
+        return Known(self.truth[:steps, :, runs], self.w.of(runs, steps), self.v.of(runs, steps))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ Pitfall: a resampled copy of x_j can only die out. The number of distinct copies
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -31,7 +31,7 @@ from rkfbench.noise import Gaussian, Law
 from rkfbench.noise.matrices import factor
 from rkfbench.streams import GROUP, Onward, Streams
 
-TOGETHER = 32  # runs that go through together: their particles stay in the cache
+TOGETHER = 25  # runs that go through together: their particles stay in the cache
 
 Particles = Annotated[int, Ge(2), "number of particles"]
 Likelihood = Annotated[
@@ -51,6 +51,11 @@ class ParticleFilter:
     ess: float = 0.5
     process: Law | None = None
     measurement: Law | None = None
+    only: int | None = None  # how many runs of a batch are wanted; the others are left out, as if they had failed
+
+    def first(self, runs: int) -> ParticleFilter:
+        """The filter for the first runs of a batch: no run depends on those beside it."""
+        return replace(self, only=runs)
 
     @property
     def sees(self) -> frozenset[str]:
@@ -97,7 +102,7 @@ class ParticleFilter:
                     history.add(ess=cloud.size[None], **prior, **cloud.moments({"mean", "cov"} & {"mean", *keep}))
                     cloud.resample()
             estimates.append(history.estimate(failed=cloud.dead))
-        return _joined(estimates)
+        return _joined(estimates, y.shape[2])
 
     def clouds(
         self, model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, streams: Streams | None
@@ -110,8 +115,11 @@ class ParticleFilter:
         streams = (streams or Streams(0, groups=-(-M // GROUP))).within("particles")
         process = self.process or Gaussian.of(Q[..., 0])
         measurement = self.measurement if self.measurement and self.likelihood == "law" else Gaussian.of(R[..., 0])
-        for start in range(0, M, TOGETHER):
-            runs = slice(start, min(start + TOGETHER, M))
+        wanted = M if self.only is None else min(M, self.only)
+        for start in (first + i for first in range(0, wanted, GROUP) for i in range(0, GROUP, TOGETHER)):
+            if start >= wanted:
+                break
+            runs = slice(start, min(start + TOGETHER, start - start % GROUP + GROUP, M))
             mean = x0[:, runs]
             scope, group = f"{streams.scope}{start % GROUP}/", streams.first + start // GROUP
             draw = Onward(streams.seed, group, 1, scope, mean.shape[1] * self.particles)
@@ -130,6 +138,10 @@ class ParticleSmoother:
     filter: ParticleFilter
     at: int | None = None
     lag: int | None = None
+
+    def first(self, runs: int) -> ParticleSmoother:
+        """The smoother for the first runs of a batch."""
+        return replace(self, filter=self.filter.first(runs))
 
     @property
     def sees(self) -> frozenset[str]:
@@ -192,7 +204,7 @@ class ParticleSmoother:
             extras = {name: value[None] for name, value in own.items()}
             on_the_way = passed.estimate(cloud.dead) if "passed" in keep else None
             estimates.append(replace(estimate, target=at, extras={**estimate.extras, **extras}, passed=on_the_way))
-        return _joined(estimates)
+        return _joined(estimates, y.shape[2])
 
 
 class _Cloud:
@@ -335,13 +347,21 @@ def check_density(law: Law | None) -> None:
         )
 
 
-def _joined(estimates: list[Estimate]) -> Estimate:
-    """The estimates of all groups, side by side."""
+def _joined(estimates: Sequence[Estimate], M: int) -> Estimate:
+    """The estimates of all groups, side by side; runs that nobody wants, up to M, are NaN and failed."""
     first = estimates[0]
-    cov = (
-        None if first.cov is None else np.concatenate([each.cov for each in estimates if each.cov is not None], axis=-1)
-    )
-    extras = {name: np.concatenate([each.extras[name] for each in estimates], axis=-1) for name in first.extras}
-    mean, failed = (np.concatenate([getattr(each, name) for each in estimates], axis=-1) for name in ("mean", "failed"))
     passed = [each.passed for each in estimates if each.passed is not None]
-    return Estimate(mean, cov, failed, extras, first.target, _joined(passed) if passed else None)
+    return Estimate(
+        _beside([each.mean for each in estimates], M),
+        None if first.cov is None else _beside([each.cov for each in estimates if each.cov is not None], M),
+        _beside([each.failed for each in estimates], M, fill=True),
+        {name: _beside([each.extras[name] for each in estimates], M) for name in first.extras},
+        first.target,
+        _joined(passed, M) if passed else None,
+    )
+
+
+def _beside(arrays: Sequence[NDArray[Any]], M: int, fill: float | bool = np.nan) -> NDArray[Any]:
+    """Arrays (..., runs) side by side, filled up to M runs."""
+    left = M - sum(A.shape[-1] for A in arrays)
+    return np.concatenate([*arrays, np.full((*arrays[0].shape[:-1], left), fill)], axis=-1)

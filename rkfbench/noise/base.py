@@ -32,16 +32,15 @@ class Sample:
     mean: Array | float = 0.0
     flags: np.ndarray | None = None
 
-    def of(self, runs: slice) -> Sample:
-        """The same noise of some of the runs."""
+    def of(self, runs: slice, steps: int | None = None) -> Sample:
+        """The same noise of some of the runs, in the first steps."""
 
-        def cut(a: Array) -> Array:
-            return a if a.shape[-1] == 1 else a[..., runs]
+        def cut(a: Array) -> Array:  # what is 1 wide or long holds for all runs or steps
+            a = a if a.shape[-1] == 1 else a[..., runs]
+            return a if len(a) == 1 else a[:steps]
 
         mean = self.mean if np.ndim(self.mean) == 0 else cut(np.asarray(self.mean))
-        return Sample(
-            self.value[..., runs], lambda: cut(self.cov()), mean, None if self.flags is None else self.flags[..., runs]
-        )
+        return Sample(cut(self.value), lambda: cut(self.cov()), mean, None if self.flags is None else cut(self.flags))
 
     def __add__(self, other: Sample) -> Sample:
         """The sum with independent noise; a value is an outlier where either part says so."""

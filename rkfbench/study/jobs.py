@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 import traceback
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -89,7 +90,8 @@ def work(job: Job) -> Done:
 def stream(job: Job) -> Iterator[Done]:
     """Compute a job, one filter in all its cases after the other.
 
-    When one raises, what is left is taken one filter of one case at a time, to keep those that do work.
+    When one raises, what is left is taken one filter of one case at a time, to keep those that do work; a warning tells
+    when they all do.
     """
     left = list(job.labels)
     begin = time.perf_counter()
@@ -101,10 +103,12 @@ def stream(job: Job) -> Iterator[Done]:
             begin = time.perf_counter()
         return
     except Exception as error:
+        reason = error
         if job.size == 1:
             fault = Fault(told(error), traceback.format_exc())
             yield Done({}, {(job.units[0], job.labels[0]): fault}, time.perf_counter() - begin)
             return
+    faulty = False
     for label in left:
         singles = [work(single) for single in job.of_labels(label).singles()]
         yield Done(
@@ -112,6 +116,9 @@ def stream(job: Job) -> Iterator[Done]:
             {place: fault for done in singles for place, fault in done.faults.items()},
             sum(done.seconds for done in singles),
         )
+        faulty = faulty or any(done.faults for done in singles)
+    if not faulty:
+        warnings.warn(f"computed one at a time, which works but is slow; together: {told(reason)}", stacklevel=1)
 
 
 def _parts(job: Job) -> Iterator[tuple[str, list[Part]]]:

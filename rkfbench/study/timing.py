@@ -17,7 +17,9 @@ from rkfbench.linalg import Array
 from rkfbench.streams import Streams
 
 REPEATS = 10
-STEPS = {"time_ms": 100, "time_ns": 40}  # so many are timed and scaled: the cost of a step does not change along a run
+FORMS = ("time_ms", "time_ns")
+SECONDS = 0.02  # of one measurement, about: its steps are scaled to all, as the cost of a step does not change
+LEAST = 5  # steps, however long they take
 
 
 @dataclass(frozen=True)
@@ -32,21 +34,25 @@ class Time:
 
 
 def measure(
-    case: str, spec: Mapping[str, Any], seed: int, labels: Sequence[str], forms: Sequence[str] = tuple(STEPS)
+    case: str, spec: Mapping[str, Any], seed: int, labels: Sequence[str], forms: Sequence[str] = FORMS
 ) -> Iterator[Time]:
-    """Times of the filters `labels` in the case that `spec` describes; a first round warms up and is not counted."""
+    """Times of the filters `labels` in the case that `spec` describes; two rounds come before those that
+    count: one warms up, one tells how many steps take long enough to be measured."""
     experiment = Experiment.of(spec)
     world = experiment.simulate(Streams(seed))
     T = experiment.steps
     runs_of = {"time_ms": slice(0, 1), "time_ns": slice(None)}
     scale_of = {"time_ms": T * 1e3, "time_ns": 1e9 / world.y.shape[2]}
-    for repeat in range(-1, REPEATS):
+    steps_of: dict[tuple[str, str], int] = {}
+    for repeat in range(-2, REPEATS):
         for metric in forms:
-            steps, scale = min(T, STEPS[metric]), scale_of[metric]
             for label in labels:
-                time_taken = seconds(experiment, world, label, runs_of[metric], steps)
-                if repeat >= 0:
-                    yield Time(case, repeat, label, metric, time_taken / steps * scale)
+                steps = steps_of.get((metric, label), min(T, LEAST))
+                step = seconds(experiment, world, label, runs_of[metric], steps) / steps
+                if repeat < 0:
+                    steps_of[metric, label] = min(T, max(LEAST, int(SECONDS / step)))
+                else:
+                    yield Time(case, repeat, label, metric, step * scale_of[metric])
 
 
 def seconds(experiment: Experiment, world: World, label: str, runs: slice, steps: int) -> float:
@@ -70,7 +76,7 @@ def seconds(experiment: Experiment, world: World, label: str, runs: slice, steps
         Q=cut(told.Q),
         R=cut(told.R),
         keep=(),
-        known=world.known.of(runs),
+        known=world.known.of(runs, steps),
         streams=Streams(0),
     )
     return time.perf_counter() - begin

@@ -94,6 +94,18 @@ def test_numbers_do_not_depend_on_the_runs_beside():
     assert np.abs(both.mean[..., :GROUP] - second.mean).max() > 0
 
 
+def test_runs_that_nobody_wants_are_left_out():
+    _, y = simulate(Gaussian.of(Q), Gaussian.of(R), 8, runs=GROUP)
+    for every in (build("pf", particles=30), build("ps", particles=30, at=3, lag=2)):
+        whole, some = (each.run(MODEL, y, streams=Streams(3), **TOLD) for each in (every, every.first(30)))
+        assert whole.mean.shape == some.mean.shape
+        np.testing.assert_array_equal(whole.mean[..., :30], some.mean[..., :30])
+        np.testing.assert_array_equal(whole.cov[..., :30], some.cov[..., :30])
+        assert not some.failed[:30].any()
+        assert some.failed[-1]
+        assert np.isnan(some.mean[..., -1]).all()
+
+
 def test_a_run_whose_weights_all_vanish_fails_alone():
     _, y = simulate(Gaussian.of(Q), Gaussian.of(R), 8, runs=40)
     base = build("pf", particles=30).run(MODEL, y, streams=Streams(3), **TOLD)
@@ -119,7 +131,7 @@ def test_a_missing_component_says_nothing():
     y[3, 1, :] = np.nan
     y[4] = np.nan
     kf = build("kf").run(MODEL, y, **TOLD)
-    pf = build("pf", particles=4000).run(MODEL, y, keep=("prior_mean",), streams=Streams(3), **TOLD)
+    pf = build("pf", particles=16000).run(MODEL, y, keep=("prior_mean",), streams=Streams(3), **TOLD)
     assert np.sqrt(((pf.mean - kf.mean) ** 2).mean()) < 0.2
     np.testing.assert_array_equal(pf.mean[4], pf.extras["prior_mean"][4])
 

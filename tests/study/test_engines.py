@@ -317,3 +317,25 @@ def test_a_job_that_raises_keeps_the_filters_and_cases_that_work(
     summary = Results.open(tmp_path / "r").summary
     assert {row["filter"] for row in summary if row["case"] == "rate=0"} == {"kf", "hkf", "aladkf", "clairvoyant_kf"}
     assert {row["filter"] for row in summary if row["case"] == "rate=0.4"} == {"kf", "aladkf", "clairvoyant_kf"}
+
+
+def test_a_warning_tells_that_cases_could_not_be_computed_together(
+    study: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import rkfbench.study.compute as module
+
+    together = module.together
+
+    def broken(specs: Any, seed: int, block: int, runs: int, labels: Any) -> Any:
+        if len(specs) > 1:
+            raise ValueError("read-only")
+        yield from together(specs, seed, block, runs, labels)
+
+    monkeypatch.setattr(module, "together", broken)
+    short = load(study.file, sets=["steps=12"], runs=6)
+    specs = tuple(cell.spec for cell in short.cells)
+    job = jobs.Job(tuple(range(len(specs))), specs, 1, 0, 6, ("kf", "hkf"))
+    with pytest.warns(UserWarning, match="computed one at a time.*ValueError: read-only"):
+        done = jobs.work(job)
+    assert not done.faults
+    assert set(done.parts) == {(unit, label) for unit in job.units for label in job.labels}

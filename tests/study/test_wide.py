@@ -13,7 +13,7 @@ from rkfbench import filters
 from rkfbench.experiment import Experiment
 from rkfbench.filters import FILTERS
 from rkfbench.linalg import Array
-from rkfbench.scenario import load
+from rkfbench.scenario import bundled, load
 from rkfbench.streams import Remembered, Streams
 from rkfbench.study import wide
 from rkfbench.study.compute import compute, together
@@ -145,6 +145,20 @@ def test_worlds_side_by_side_are_the_worlds_alone() -> None:
             assert same(case.world.v.value, alone.v.value)
 
 
+@pytest.mark.parametrize("name", sorted(bundled()))
+def test_the_worlds_of_bundled_scenarios_can_be_made_side_by_side(name: str) -> None:
+    """The first and the last of the cells that may be computed together, of every such group."""
+    scenario = load(name)
+    groups: list[list[Any]] = []
+    for cell in scenario.cells:
+        home = next((group for group in groups if wide.structure(group[0].spec) == wide.structure(cell.spec)), None)
+        groups.append([cell]) if home is None else home.append(cell)
+    for group in groups:
+        experiments = [Experiment.of(cell.spec) for cell in (group[0], group[-1])]
+        for case, experiment in zip(worlds(experiments, Remembered(3)), experiments, strict=True):
+            assert same(case.world.y, experiment.simulate(Streams(3)).y)
+
+
 @pytest.mark.parametrize(
     ("name", "sets", "labels"),
     [
@@ -152,6 +166,8 @@ def test_worlds_side_by_side_are_the_worlds_alone() -> None:
         ("ungm", [], ["ekf", "ukf", "pekf"]),
         ("falling-body", [], ["ukf", "hukf", "nrukf_r"]),
         ("odometers", [], ["skf", "raf", "daf"]),
+        ("altitude-tracking", [], ["ekf", "pekf"]),
+        ("navigation", ["steps=140", "point.at=40", "lost.at=40"], ["ks", "kf", "mckf[sigma=3]"]),
     ],
 )
 def test_bundled_scenarios_give_the_same_bytes(name: str, sets: list[str], labels: list[str]) -> None:
