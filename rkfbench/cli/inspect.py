@@ -70,7 +70,7 @@ def tune(
     for path in write(folder, found, label, goal):
         terminal.note(str(path))
     rows = list(choices(found, label, goal))
-    hidden = ("reading", "filter", "metric", "sd", "median", "q05", "q95")
+    hidden = ("reading", "filter", "metric", "sd", "median", "q05", "q95", "max")
     terminal.records(rows, [name for name in rows[0] if terminal.json or name not in hidden])
 
 

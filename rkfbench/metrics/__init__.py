@@ -62,6 +62,11 @@ def pooled_rmse() -> Parts:
     return {"quantity": SquaredError(), "root": True}
 
 
+def tracking_rmse() -> Parts:
+    """Root of the mean square error over the steps of the runs that are not lost."""
+    return {"quantity": SquaredError(), "root": True, "tracking": True}
+
+
 def cond_S() -> Parts:
     """Condition number of the innovation covariance S, averaged over the steps."""
     return {"quantity": ConditionS()}
@@ -147,6 +152,7 @@ METRICS: dict[str, Entry] = Catalogue(
         "mse": Entry(mse, needs=TRUTH),
         "rmse": Entry(rmse, paper="pekf-2017", equations="(41), (43)", needs=TRUTH),
         "pooled_rmse": Entry(pooled_rmse, needs=TRUTH),
+        "tracking_rmse": Entry(tracking_rmse, needs=TRUTH),
         "cond_S": Entry(cond_S, paper="aladkf-2020", equations="(42)-(44)"),
         "cond_S_max": Entry(cond_S_max, paper="aladkf-2020", equations="(42)-(44)"),
         "if_norm": Entry(if_norm, paper="aladkf-2020", equations="(59)-(77), (81)", needs=TRUTH),

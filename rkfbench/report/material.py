@@ -108,9 +108,11 @@ class Material:
         return [label for label in self.filters if label not in self.extra_filters]
 
     def estimate(self, key: Key, statistic: str) -> tuple[float, float | None]:
-        """A statistic of the runs and its standard error; the error of any but the mean needs the numbers per run."""
+        """A statistic of the runs and its standard error; the error of any but the mean needs the numbers per run,
+        and the largest value has none.
+        """
         row = self.summary[key]
-        if statistic == "mean" or key[3] in ("failed", "lost") or not self.has_values(key[3]):
+        if statistic in ("mean", "max") or key[3] in ("failed", "lost") or not self.has_values(key[3]):
             return number(row.get(statistic)), row["se"] if statistic == "mean" else None
         from rkfbench.claims import replicates
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PLACE = ("reading", "case", "filter", "metric")
-STATISTICS = ("runs", "failed", "mean", "se", "sd", "median", "q05", "q95")
+STATISTICS = ("runs", "failed", "mean", "se", "sd", "median", "q05", "q95", "max")
 CURVE = (*PLACE, "parameter", "value", *STATISTICS)
 CAPTION = (
     "Curve: mean over the tuning runs, band: ± 2 standard errors; the other parameters have the values chosen. Line: "

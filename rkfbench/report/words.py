@@ -18,6 +18,7 @@ METRICS = {
     "failed": "share of failed runs", "nees": "NEES", "nis": "NIS",
     "nis_beyond": "share of NIS beyond chi-square", "fluctuation": "RMS of the step-to-step change of the error",
     "settling": "steps until the error settles", "tracking_mse": "MSE of tracking runs",
+    "tracking_rmse": "RMSE of tracking runs",
     "mse_prior": "MSE of the prior",
     "influence": "x⁺ − x⁻", "improvement": "improvement (%)",
     "time_ms": "time of one run (ms)", "time_ns": "time of a run and step in a batch (ns)",

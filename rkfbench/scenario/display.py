@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rkfbench.errors import Path
 
 Dimension = Literal["case", "filter", "metric"]
-Statistic = Literal["mean", "median", "sd"]
+Statistic = Literal["mean", "median", "sd", "max"]
 Name = Annotated[str, Field(min_length=1)]
 Names = Name | Annotated[list[Name], Field(min_length=1)]
 Identifier = Annotated[

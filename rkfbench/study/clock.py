@@ -26,7 +26,7 @@ PREFIX = "time"  # of the names of metrics that are measured with a clock
 FORMS = ("time_ms", "time_ns")  # the second, of batches, is for the full study
 FILES = ("timings/repeats.csv", "timings/times.csv")
 IDENTITY = ("reading", "case", "filter", "metric")
-STATISTICS = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q95", "least")
+STATISTICS = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q95", "max", "least")
 
 Wanted = Mapping[str, set[str]]  # case -> labels of filters
 

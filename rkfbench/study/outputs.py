@@ -27,7 +27,7 @@ from rkfbench.study.summary import along, summarise
 if TYPE_CHECKING:
     from rkfbench.scenario import Cell, Scenario
 
-STATISTICS = ("mean", "se", "sd", "median", "q05", "q95")
+STATISTICS = ("mean", "se", "sd", "median", "q05", "q95", "max")
 CURVE_STATISTICS = frozenset({"mean", "median", "first"})
 MOST_STEPS, STRETCHES = 600, 200
 

@@ -20,11 +20,11 @@ from rkfbench.store.blocks import Curve
 Array = NDArray[Any]
 Row = dict[str, Any]
 
-QUANTILES = {"median": 0.5, "q05": 0.05, "q95": 0.95}
+QUANTILES = {"median": 0.5, "q05": 0.05, "q95": 0.95, "max": 1.0}
 
 
 def summarise(values: Array, failed: Array, root: bool = False) -> Row:
-    """mean, se, sd, median, q05 and q95 of one metric; values and failed (M,)."""
+    """mean, se, sd, median, q05, q95 and max of one metric; values and failed (M,)."""
     defined = failed | ~np.isnan(values)
     values, failed = values[defined], failed[defined]
     good = values[~failed]

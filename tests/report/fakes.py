@@ -12,6 +12,7 @@ import numpy as np
 from rkfbench.report.material import Material
 from rkfbench.scenario.paper_schema import PrintedLine, PrintedRow, PrintedTable
 from rkfbench.store import Results, files, manifest
+from rkfbench.study.summary import QUANTILES
 
 READINGS = ("literal", "root")
 RATES = (0.05, 0.2, 0.3, 0.4)
@@ -140,9 +141,9 @@ def _claims() -> Iterator[dict[str, Any]]:
 def _statistics(values: Any, failed: Any) -> dict[str, float | None]:
     good = values[~failed]
     if not good.size:
-        return {"mean": None, "se": None, "sd": None, "median": float("inf"), "q05": float("inf"), "q95": float("inf")}
+        return {"mean": None, "se": None, "sd": None, **dict.fromkeys(QUANTILES, float("inf"))}
     sd = float(good.std(ddof=1))
-    quantiles = {name: float(np.quantile(good, q)) for name, q in (("median", 0.5), ("q05", 0.05), ("q95", 0.95))}
+    quantiles = {name: float(np.quantile(good, q)) for name, q in QUANTILES.items()}
     return {"mean": float(good.mean()), "se": sd / good.size**0.5, "sd": sd, **quantiles}
 
 

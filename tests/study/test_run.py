@@ -59,6 +59,7 @@ def test_every_number_of_the_summary_has_its_formula(tmp_path: Path, compute: fa
     assert plain["se"] == pytest.approx(values.std(ddof=1) / 3, rel=1e-14)
     assert plain["median"] == pytest.approx(np.median([*values, np.inf]), rel=1e-14)
     assert plain["q95"] == np.inf
+    assert plain["max"] == np.inf
     assert pooled["mean"] == pytest.approx(np.sqrt(values.mean()), rel=1e-14)
     assert pooled["se"] == pytest.approx(plain["se"] / 2 / pooled["mean"], rel=1e-14)
 
