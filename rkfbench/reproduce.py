@@ -61,10 +61,10 @@ def experiment(
     report: Report,
     argv: Sequence[str],
     goal: Goal | None = None,
+    times: clock.Times | None = None,
 ) -> Outcome:
-    """Bring a results folder up to date: its numbers now, and what is made of them `aside`."""
+    """Bring a results folder up to date: its numbers and `times` now, and what is made of them `aside`."""
     scenario, forms, choices = _measured(scenario, full)
-    estimands = [form.estimand for form in forms if form.estimand is not None]
     facts: dict[str, Any] = {"argv": list(argv)}
     if scenario.name not in bundled():
         facts["source"] = scenario.file
@@ -78,17 +78,25 @@ def experiment(
             tuned = tuning.update(scenario, choices, folder, fresh=fresh, engine=engine, report=report)
             outcome = replace(outcome, failures=tuned.failures)
         if not outcome.failures:
-            checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
-            times = clock.wanted(scenario, estimands)
-            clock.update(scenario, times, folder, full=full, fresh=fresh, alone=aside.wait)
+            if times is not None:
+                clock.write(times, folder)
             lock = held.pop_all()
 
             def finish() -> None:
                 with lock:
+                    checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
                     derived.update(scenario, folder, pool, fresh=fresh)
 
             aside(finish)
     return outcome
+
+
+def times_of(scenario: Scenario, folder: Path, *, full: bool = False, fresh: bool = False) -> clock.Times | None:
+    """The computing times that `experiment` is to write; None when the folder has them. Raises what filters raise."""
+    scenario, forms, _ = _measured(scenario, full)
+    wanted = clock.wanted(scenario, [form.estimand for form in forms if form.estimand is not None])
+    with run.reserved(folder, scenario.name):
+        return clock.measured(scenario, wanted, folder, full=full, fresh=fresh)
 
 
 def shard_of_experiment(

@@ -25,16 +25,28 @@ def experiments(
     scheduler: str | None = None,
     goals: Sequence[Any] = (),
 ) -> list[Any]:
-    """Experiments one after the other; what can be made later is made beside the next."""
+    """Experiments one after the other; what can be made later is made beside the next. Clocks run before all else."""
     from rkfbench.aside import Aside
+    from rkfbench.errors import RkfbenchError
+    from rkfbench.own.faults import told
     from rkfbench.pool import Pool
-    from rkfbench.reproduce import experiment
+    from rkfbench.reproduce import experiment, times_of
     from rkfbench.study.engines import engine
 
-    outcomes = []
+    outcomes: list[Any] = []
+    clocks: list[Any] = []
+    for scenario, folder in studies:
+        clocks.append(None)
+        with terminal.progress(scenario.name):
+            try:
+                clocks[-1] = times_of(scenario, folder, full=full, fresh=fresh)
+            except RkfbenchError:
+                raise
+            except Exception as error:  # of a filter that somebody wrote; the study will tell which
+                terminal.note(f"{scenario.name}: no computing times: {told(error)}")
     with Pool(jobs) as pool, Aside(pool.workers > 1) as aside:
         how = engine(jobs, pool, scheduler)
-        for (scenario, folder), goal in zip(studies, goals or repeat(None), strict=False):
+        for (scenario, folder), times, goal in zip(studies, clocks, goals or repeat(None), strict=False):
             with terminal.progress(scenario.name) as listen:
                 outcome = experiment(
                     scenario,
@@ -47,6 +59,7 @@ def experiments(
                     report=listen,
                     argv=["rkfbench", *sys.argv[1:]],
                     goal=goal,
+                    times=times,
                 )
             terminal.note(_summary(scenario.name, outcome))
             outcomes.append(outcome)

@@ -143,14 +143,18 @@ def _scale(ax: Axes, figure: Drawn, points: Sequence[Point]) -> None:
 
 
 def _plain_ticks(ax: Axes) -> None:
-    """On a logarithmic axis of few decades plain numbers, 0.5 2 10, instead of powers of ten."""
-    from matplotlib.ticker import LogFormatter
+    """On a logarithmic axis of few decades plain numbers, 0.5 2 10, instead of powers of ten; on one of many decades
+    no ticks between these, which nobody could tell apart and which take most of the time of drawing.
+    """
+    from matplotlib.ticker import LogFormatter, NullLocator
 
     for axis, scale, (low, high) in (
         (ax.xaxis, ax.get_xscale(), sorted(ax.get_xlim())),
         (ax.yaxis, ax.get_yscale(), sorted(ax.get_ylim())),
     ):
-        if scale == "log" and low >= 1e-3 and high < 1e5 and high < 1e3 * low:
+        if scale == "log" and high >= 1e3 * low:
+            axis.set_minor_locator(NullLocator())
+        elif scale == "log" and low >= 1e-3 and high < 1e5:
             axis.set_major_formatter(LogFormatter())
             axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
 

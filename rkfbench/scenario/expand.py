@@ -19,7 +19,10 @@ from rkfbench.scenario.yaml import Map, Mark, Seq
 
 MOST_POINTS = 1000  # of one sweep
 MOST_CELLS = 2_000
-RESERVED = frozenset("reading case filter metric runs failed lost k mean se sd median max first".split())
+RESERVED = frozenset(
+    {"reading", "case", "filter", "metric", "runs", "failed", "lost"}
+    | {"k", "mean", "se", "sd", "median", "max", "first"}
+)
 
 
 @dataclass(frozen=True)

@@ -95,9 +95,12 @@ def spoiled(folder: Path) -> list[str]:
 
 
 def made_from(folder: Path, part: str, digest: str, *names: str) -> bool:
-    """Whether the folder holds the files `names`, and the part of it that they are was made from what has `digest`."""
+    """Whether the folder holds the files `names` undamaged, and their part of it was made from what has `digest`."""
     content = _readable(folder)
-    return content.get("hashes", {}).get(part) == digest and content["files"].keys() >= set(names)
+    if content.get("hashes", {}).get(part) != digest:
+        return False
+    known = content["files"]
+    return all(name in known and not _differs(folder / name, known[name]) for name in names)
 
 
 def machine() -> dict[str, Any]:

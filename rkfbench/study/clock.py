@@ -2,13 +2,14 @@
 
 `timings/repeats.csv` has every single measurement, `timings/times.csv` their statistics in the columns of summary.csv
 (a run is a repeat). Clock values are measured once for a state of the code, one after the other in the process of the
-command, while nothing else of that command runs (`alone` waits for it). They belong to the first reading, because a
+command, before anything else of it runs. They belong to the first reading, because a
 reading changes numbers, not the work.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,32 +32,43 @@ STATISTICS = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q9
 Wanted = Mapping[str, set[str]]  # case -> labels of filters
 
 
-def update(
+@dataclass(frozen=True)
+class Times:
+    """Repeats (reading, case, filter, metric) -> values, and a digest of what they were made from."""
+
+    made_from: str
+    values: Mapping[tuple[str, ...], list[float]]
+
+
+def measured(
     scenario: Scenario,
     wanted: Wanted,
     folder: Path,
     *,
     full: bool,
     fresh: bool = False,
-    alone: Callable[[], None] = lambda: None,
-) -> None:
-    """Measure the times that are wanted, unless the folder has them from the same code and filters."""
+) -> Times | None:
+    """The times that are wanted; None when there are none, or the folder has them from the same code and filters."""
     from rkfbench.study.timing import measure
 
     jobs = [(cell, labels) for cell in _cells(scenario, full) if (labels := _labels(cell, wanted, full))]
     made_from = plan.digest([plan.code_hash(), full, [[cell.spec, labels] for cell, labels in jobs]])
     if not jobs or (manifest.made_from(folder, "times", made_from, *FILES) and not fresh):
-        return
-    alone()
+        return None
     values: dict[tuple[str, ...], list[float]] = {}
     for cell, labels in jobs:
         for time in measure(cell.case, cell.spec, scenario.seed, labels, FORMS if full else FORMS[:1]):
             values.setdefault((cell.reading, cell.case, time.filter, time.metric), []).append(time.value)
-    repeats = ([*key, repeat, each] for key, found in values.items() for repeat, each in enumerate(found))
+    return Times(made_from, values)
+
+
+def write(times: Times, folder: Path) -> None:
+    """Write both files of a results folder."""
+    repeats = ([*key, repeat, each] for key, found in times.values.items() for repeat, each in enumerate(found))
     files.write_csv(folder / FILES[0], [*IDENTITY, "repeat", "value"], repeats)
-    rows = (dict(zip(IDENTITY, key, strict=True)) | _statistics(found) for key, found in values.items())
+    rows = (dict(zip(IDENTITY, key, strict=True)) | _statistics(found) for key, found in times.values.items())
     files.write_records(folder / FILES[1], [*IDENTITY, *STATISTICS], rows)
-    manifest.seal(folder, hashes={"times": made_from})
+    manifest.seal(folder, hashes={"times": times.made_from})
 
 
 def wanted(scenario: Scenario, estimands: Iterable[Estimand]) -> Wanted:
