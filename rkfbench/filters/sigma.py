@@ -77,6 +77,8 @@ class SigmaPoints:
     def propagate(self, model: Model, x: Array, P: Array, k: int) -> tuple[Array, ...]:
         """Mean (n, M) and covariance (n, n, M) of f(x); without `redraw` also the propagated points (n, 2n + 1, M)."""
         rule = self.rule(len(x))
+        if self.redraw and getattr(model, "affine", False):  # e = h F L, c = 0
+            return model.f(x, k), gram(mul(model.F(x, k), square_root(P)))
         points = model.f(_points(x, np.sqrt(rule.h2) * square_root(P)), k)
         reached = _star(points, rule)
         moments = reached.mean, _covariance(reached, reached, rule)

@@ -28,6 +28,7 @@ class Altitude(Bearing):
     measurements: ClassVar[tuple[str, ...]] = ("bearing", "range", "height", "range_rate")
     bearings: ClassVar[tuple[int, ...]] = (0,)
     linear: ClassVar[bool] = False
+    affine: ClassVar[bool] = True
 
     def f(self, x: Array, k: int) -> Array:
         return mul(self.F(x, k), x)

@@ -55,17 +55,18 @@ class Model(Protocol):
 
 
 def wrap(angle: Array, period: float = 2 * np.pi) -> Array:
-    """The angle in [-period/2, period/2)."""
-    return (angle + period / 2) % period - period / 2
+    """The angle in [-period/2, period/2), but for rounding at its ends; unchanged if it lies there."""
+    return angle - period * np.floor((angle + period / 2) / period)
 
 
 class Smooth:
     """The residual of every model: a plain difference, but for the components listed in `angles`. Not linear, unless a
-    subclass says so.
+    subclass says so; `affine` says of f alone that it is F x + b, with an F that does not depend on x.
     """
 
     angles: ClassVar[tuple[int, ...]] = ()
     linear: ClassVar[bool] = False
+    affine: ClassVar[bool] = False
 
     def residual(self, y: Array, z: Array) -> Array:
         """y - z, with the components in `angles` wrapped to [-pi, pi)."""
@@ -82,6 +83,7 @@ class Linear(Smooth):
     """
 
     linear: ClassVar[bool] = True
+    affine: ClassVar[bool] = True
     matrices: tuple[Array, Array, Array | None]
 
     def f(self, x: Array, k: int) -> Array:

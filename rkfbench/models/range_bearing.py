@@ -24,6 +24,7 @@ class RangeBearing(Bearing):
     measurements: ClassVar[tuple[str, ...]] = ("range", "bearing")
     bearings: ClassVar[tuple[int, ...]] = (1,)
     linear: ClassVar[bool] = False
+    affine: ClassVar[bool] = True
 
     def f(self, x: Array, k: int) -> Array:
         return x

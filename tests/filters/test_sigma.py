@@ -180,3 +180,15 @@ def test_the_slope_of_a_linear_function_is_its_matrix(rule):
     p = linear_problem()
     slope = rule.slope(p.model, p.x0[:, None], p.P0[..., None], 1)
     np.testing.assert_allclose(slope[..., 0], p.model.matrices[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("rule", [Unscented(), Unscented(alpha=0.3, beta=2.0), Cubature(), DividedDifference()])
+def test_the_prediction_of_an_affine_motion_takes_no_points_and_is_theirs(rule, monkeypatch):
+    """Also where P is not positive definite: in the second run."""
+    model, rng = Altitude(dt=0.7), np.random.default_rng(4)
+    x, P = rng.normal(0, 50, (6, 2)), np.stack([spd(6, 1, 3.0), spd(6, 2, 3.0) - 4.0 * np.eye(6)], axis=-1)
+    assert np.linalg.eigvalsh(P[..., 1])[0] < 0
+    short = rule.propagate(model, x, P, 1)
+    monkeypatch.setattr(Altitude, "affine", False)
+    for ours, points in zip(short, rule.propagate(model, x, P, 1), strict=True):
+        np.testing.assert_allclose(ours, points, rtol=1e-12, atol=1e-11)

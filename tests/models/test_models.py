@@ -7,6 +7,7 @@ import pytest
 
 from rkfbench import models
 from rkfbench.errors import SpecError
+from rkfbench.linalg import mul
 from rkfbench.models import MODELS, Observed
 
 ARGUMENTS: dict[str, dict] = {}
@@ -63,3 +64,22 @@ def test_an_angle_is_wrapped_also_when_other_components_are_missing():
 def test_a_model_that_makes_no_sense_is_said(spec, says):
     with pytest.raises(SpecError, match=says):
         models.build(spec)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_motion_that_is_called_affine_is_its_jacobian_and_a_constant(name):
+    model, rng = make(name), np.random.default_rng(2)
+    n = len(model.states)
+    x, other = rng.uniform(1, 50, (2, n, 5))
+    steps = np.linalg.norm(model.f(x, 3) - model.f(other, 3) - mul(model.F(x, 3), x - other))
+    assert model.affine == bool(steps < 1e-9)
+    if model.affine:
+        np.testing.assert_array_equal(model.F(x, 3), model.F(other, 3))
+
+
+def test_wrapping_leaves_what_lies_in_the_period_as_it_is():
+    angles = np.concatenate([np.linspace(-np.pi, np.pi, 1001)[:-1], [1e-17, -1e-17, 0.1 + 0.2]])
+    np.testing.assert_array_equal(models.wrap(angles), angles)
+    np.testing.assert_allclose(models.wrap(angles[10:-10] + 6 * np.pi), angles[10:-10], atol=1e-14)
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(models.wrap(np.array([np.nan, np.inf]))).all()
