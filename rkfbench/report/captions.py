@@ -34,8 +34,8 @@ def casualties(points: Sequence[Any], words: Words = PLAIN) -> str:
     for label, pairs in counts.items():
         both = [_range(values, word) for values, word in zip(zip(*pairs, strict=True), ("failed", "lost"), strict=True)]
         if any(both):
-            told.append(f"{words.filter(label)} {' and '.join(each for each in both if each)}")
-    return f"Runs failed (left out of means) or lost: {', '.join(told)}" if told else ""
+            told.append(f"{words.filter(label)}: {' and '.join(each for each in both if each)}")
+    return f"Runs failed (left out of means) or lost. {'; '.join(told)}" if told else ""
 
 
 def _what(figure: Any, metrics: str, runs: str, points: Sequence[Point], words: Words) -> str:
