@@ -3,6 +3,7 @@
 Under a printed number stand the ratio ours/printed, z = (ours - printed)/sqrt(se^2 + se_p^2), and, where our runs are
 some multiple of the paper's, the range of our number over disjoint batches of as many runs as the paper had. se_p is
 the standard error of the printed number: printed sd/sqrt(n) of a mean whose sd is printed too, else from our own runs.
+What is the same in every run (a covariance that no measurement moves) has no z.
 
 The CSV is tidy, one number a line, and everything else is laid out from it: `entries` picks numbers out of the results,
 `layouts` puts them into rows and columns, one sheet a reading, and `markdown` and `latex` write the sheets down.
@@ -24,6 +25,8 @@ from rkfbench.report.numbers import SUPERSCRIPT, Written, as_printed, fixed, wri
 from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario.display import Table
 from rkfbench.store import files
+
+EXACT = 1e-12  # a spread below this share of the value is rounding: nothing random, so no z
 
 
 class Entry(NamedTuple):
@@ -124,7 +127,7 @@ def _compared(entry: Entry, n: int, spread: float | None, material: Material) ->
     assert ours is not None
     assert printed is not None
     z = None
-    if entry.se and entry.runs:
+    if entry.se and entry.runs and entry.se > EXACT * abs(ours):
         se_p = entry.se * math.sqrt(entry.runs / n)
         if entry.statistic == "sd":
             se_p *= printed / ours

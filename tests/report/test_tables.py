@@ -57,6 +57,15 @@ def test_under_a_printed_number_stand_ratio_z_and_the_range_over_batches_of_the_
     ]
 
 
+def test_what_is_the_same_in_every_run_has_no_z(material: Material) -> None:
+    key = "literal", "rate=0.2", "kf", "err_norm"
+    row = material.summary[key]
+    row |= {"se": 1e-15 * row["mean"], "sd": 1e-14 * row["mean"]}
+    mean, _ = tables.entries(Table(id="t", paper="table-1"), spread_table(material))
+    assert mean.z is None
+    assert mean.ratio is not None
+
+
 def test_fewer_than_two_batches_have_no_range_and_times_no_z(material: Material) -> None:
     (mean, *_) = tables.entries(Table(id="t", paper="table-1"), material)
     assert mean.ratio is not None
