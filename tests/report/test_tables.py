@@ -9,6 +9,7 @@ from rkfbench.report import tables
 from rkfbench.report.material import Material
 from rkfbench.scenario.display import Table
 from rkfbench.scenario.paper_schema import PrintedLine, PrintedRow
+from rkfbench.store import Results
 from tests.report import fakes
 
 
@@ -57,11 +58,11 @@ def test_under_a_printed_number_stand_ratio_z_and_the_range_over_batches_of_the_
     ]
 
 
-def test_what_is_the_same_in_every_run_has_no_z(material: Material) -> None:
-    key = "literal", "rate=0.2", "kf", "err_norm"
-    row = material.summary[key]
-    row |= {"se": 1e-15 * row["mean"], "sd": 1e-14 * row["mean"]}
-    mean, _ = tables.entries(Table(id="t", paper="table-1"), spread_table(material))
+def test_what_is_the_same_in_every_run_has_no_z(results: Results) -> None:
+    own = spread_table(fakes.material(results))
+    row = own.summary["literal", "rate=0.2", "kf", "err_norm"]
+    own.summary["literal", "rate=0.2", "kf", "err_norm"] = {**row, "se": 1e-15 * row["mean"]}
+    mean = tables.entries(Table(id="t", paper="table-1"), own)[0]
     assert mean.z is None
     assert mean.ratio is not None
 
@@ -121,7 +122,7 @@ def test_where_runs_were_lost_the_median_and_the_counts_stand_beside(material: M
     assert hkf is not None
     assert kf.note.startswith("median ")
     assert hkf.note == ""
-    assert f"KF {kf.lost} lost" in found.note
+    assert f"KF: {kf.lost} lost" in found.note
 
 
 def test_a_filter_of_which_every_run_failed_has_no_mean_and_an_infinite_median(tmp_path: Path) -> None:
@@ -129,7 +130,7 @@ def test_a_filter_of_which_every_run_failed_has_no_mean_and_an_infinite_median(t
     table = Table(id="t", metric="err_norm", filters=["hkf"], cases=["rate=0.4"])
     text = tables.markdown(table, [sheet(table, dead)])
     assert "| rate = 0.4 | – (median ∞) |" in text
-    assert f"HKF {fakes.RUNS} failed" in text
+    assert f"HKF: {fakes.RUNS} failed" in text
 
 
 def test_times_say_repeats_and_stand_under_one_reading(material: Material) -> None:
