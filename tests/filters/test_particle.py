@@ -8,7 +8,7 @@ import pytest
 from rkfbench.errors import SpecError
 from rkfbench.filters import build
 from rkfbench.filters.base import Setting
-from rkfbench.filters.particle import _Cloud
+from rkfbench.filters.cloud import Cloud
 from rkfbench.models import Navigation
 from rkfbench.noise import Gaussian
 from rkfbench.noise import build as build_noise
@@ -140,7 +140,7 @@ def test_systematic_resampling_keeps_every_particle_its_share():
     """Each particle is chosen floor(N W) or ceil(N W) times, in its old order."""
     N, M = 40, 6
     draw = Onward(1, width=M * N)
-    cloud = _Cloud(MODEL, Gaussian.of(Q), Gaussian.of(R), draw, np.zeros((4, M)), np.eye(4), N, 1.0)
+    cloud = Cloud(MODEL, Gaussian.of(Q), Gaussian.of(R), draw, np.zeros((4, M)), np.eye(4), N, 1.0)
     cloud.x = np.broadcast_to(np.arange(N, dtype=float), (4, M, N)).copy()
     W = np.random.default_rng(2).dirichlet(np.full(N, 0.3), M)
     cloud.weights, cloud.size = W.copy(), 1 / (W**2).sum(-1)
