@@ -2,11 +2,9 @@
 details are ours.
 
 Particles (n, M, N) move with the model and the law of the process noise; log weights add the log likelihood; where the
-effective sample size 1/sum W^2 falls
-below a share of N, systematic resampling. A group of 128 runs goes through alone, with streams of its own, so memory
-grows neither with the steps nor with the runs,
-and no number depends on how many runs there are. A run whose weights all vanish has failed; its neighbours are not
-touched.
+effective sample size 1/sum W^2 falls below a share of N, systematic resampling. A few runs go through at a time, with
+streams of their own, so memory grows neither with the steps nor with the runs, and no number depends on how many runs
+there are. A run whose weights all vanish has failed; its neighbours are not touched.
 
 Pitfall: a resampled copy of x_j can only die out. The number of distinct copies is part of the result (`distinct`).
 """
