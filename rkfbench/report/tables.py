@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rkfbench.report.captions import casualties
+from rkfbench.report.computed import COMPUTED
 from rkfbench.report.material import Material, distinct, is_time, printed_numbers, text
 from rkfbench.report.numbers import SUPERSCRIPT, Written, as_printed, fixed, written
 from rkfbench.report.words import PLAIN, Words
@@ -27,6 +28,7 @@ from rkfbench.scenario.display import Table
 from rkfbench.store import files
 
 EXACT = 1e-12  # a spread below this share of the value is rounding: nothing random, so no z
+COUNT = "count"  # the statistic of what is counted exactly
 
 
 class Entry(NamedTuple):
@@ -55,6 +57,8 @@ class Entry(NamedTuple):
 
     @property
     def written(self) -> Written:
+        if self.value is not None and self.statistic == COUNT:
+            return Written(fixed(self.value, 0))
         return Written("–") if self.value is None else written(self.value, self.se)
 
     @property
@@ -92,6 +96,8 @@ class Sheet:
 
 def entries(table: Table, material: Material) -> list[Entry]:
     """The numbers of a table under all its readings; cells that were not computed are left out."""
+    if table.computed:
+        return [_count(*cell) for cell in COMPUTED[table.computed]()]
     printed = material.printed.get(table.paper) if table.paper else None
     numbers = printed_numbers(printed) if printed else {}
     found = []
@@ -119,6 +125,11 @@ def entries(table: Table, material: Material) -> list[Entry]:
                 entry = _compared(entry, printed.runs, spread, material)
             found.append(entry)
     return found
+
+
+def _count(row: str, column: str, count: int) -> Entry:
+    nothing = dict.fromkeys(("se", "printed", "median", "runs", "failed", "lost"))
+    return Entry("", row, column, "", "", "", COUNT, count, **nothing)
 
 
 def _compared(entry: Entry, n: int, spread: float | None, material: Material) -> Entry:
@@ -257,6 +268,8 @@ def _tex(entry: Entry) -> str:
 
 def _note(table: Table, found: Sequence[Entry], words: Words) -> str:
     """Below a sheet: statistic, runs, unit, reading, and who failed."""
+    if table.computed:
+        return "Exact counts."
     statistics = " and ".join(distinct(entry.statistic for entry in found))
     runs = distinct(entry.runs for entry in found if entry.runs is not None)
     what = "repeats" if all(is_time(entry.metric) for entry in found) else "runs"

@@ -8,6 +8,7 @@ The kinds are few; a paper's figure is one of them with the paper's axes:
       - {id: fig3, kind: curve, metric: error_norm, cases: [rate=0.05], y: {unit: m}}
     tables:
       - {id: table1, metric: rmse, rows: case, columns: filter, paper: table-1}
+      - {id: table2, computed: operation_counts}
 
 A case is named by its label, or by a part of it: `R2` picks `R2,rate=0.2` and `R2,rate=0.4`.
 """
@@ -23,6 +24,7 @@ from rkfbench.errors import Path
 
 Dimension = Literal["case", "filter", "metric"]
 Statistic = Literal["mean", "median", "sd", "max"]
+Computed = Literal["operation_counts", "operation_totals"]  # the functions of report/computed.py
 Name = Annotated[str, Field(min_length=1)]
 Names = Name | Annotated[list[Name], Field(min_length=1)]
 Identifier = Annotated[
@@ -184,7 +186,8 @@ Figure = Annotated[Curve | Panels | Sweep | Runs | Bars | Influence | Forest, Fi
 class Table(Selection):
     """A table of one statistic or several, ours with standard error and the paper's number beneath.
 
-    With `paper` alone it has the rows, columns and headings of the printed table.
+    With `paper` alone it has the rows, columns and headings of the printed table; with `computed` it shows no results,
+    but what follows from formulas.
     """
 
     metric: Names | None = Field(default=None, description="metric, or a list; default: those of the printed table")
@@ -199,11 +202,18 @@ class Table(Selection):
     )
     unit: str = Field(default="", description="unit of the values")
     paper: Name | None = Field(default=None, description="the printed table of the paper that this one repeats")
+    computed: Computed | None = Field(
+        default=None, description="exact counts instead of results; only `title` and `caption` go with it"
+    )
 
     @model_validator(mode="after")
     def _says_what(self) -> Table:
+        if self.computed is not None:
+            if others := self.model_fields_set - {"computed", "id", "title", "caption"}:
+                raise ValueError(f"`{min(others)}` does not go with `computed`, which shows no results")
+            return self
         if self.paper is None and self.metric is None:
-            raise ValueError("needs `metric`, or `paper` to take everything from a printed table")
+            raise ValueError("needs `metric`, or `paper` to take everything from a printed table, or `computed`")
         if self.metric is None and (self.rows or self.columns):
             raise ValueError("`rows` and `columns` go with `metric`; without it the printed table gives the layout")
         return self

@@ -54,6 +54,14 @@ def test_a_table_says_what_it_shows_or_takes_it_from_a_printed_one() -> None:
         Table(id="t", paper="table1", rows="filter")
 
 
+def test_a_table_that_is_computed_shows_no_results() -> None:
+    assert Table(id="t", computed="operation_counts", title="Table 1", caption="Exact.").metrics == []
+    with pytest.raises(ValidationError, match="`metric` does not go with `computed`"):
+        Table(id="t", computed="operation_counts", metric="rmse")
+    with pytest.raises(ValidationError, match="`readings` does not go with `computed`"):
+        Table(id="t", computed="operation_counts", readings=["a"])
+
+
 def test_every_name_is_told_with_its_place() -> None:
     figure = {"id": "f", "kind": "bars", "metric": ["a", "b"], "filters": ["kf"], "cases": ["R2"], "paper": "table1"}
     assert list(names_used(FIGURES.validate_python(figure))) == [
