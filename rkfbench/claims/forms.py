@@ -72,7 +72,7 @@ def _printed(paper: Paper, value: Value) -> Iterator[Form]:
     columns = _chosen("columns", value.columns, [column.label for column in table.columns])
     rounding = 0.5 * 10.0**-table.decimals if table.decimals is not None else 0.0
     for row in table.rows:
-        for column, number in zip(table.columns, row.values, strict=True):
+        for column, number in table.numbers(row):
             if number is None or row.label not in rows or column.label not in columns:
                 continue
             try:

@@ -7,12 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import fmean, median, stdev
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from rkfbench.claims.expression import parse
 from rkfbench.report.words import PLAIN, Words
-from rkfbench.scenario.display import Item, Selection, case_matches
+from rkfbench.scenario.display import Item, Selection, Statistic, case_matches, metrics_in
 
 if TYPE_CHECKING:
     from rkfbench.scenario.paper_schema import PrintedTable
@@ -107,37 +108,68 @@ class Material:
             return [label for label in item.filters if label in there]
         return [label for label in self.filters if label not in self.extra_filters]
 
-    def estimate(self, key: Key, statistic: str) -> tuple[float, float | None]:
-        """A statistic of the runs and its standard error; the error of any but the mean needs the numbers per run,
-        and the largest value has none.
-        """
-        row = self.summary[key]
-        if statistic in ("mean", "max") or key[3] in ("failed", "lost") or not self.has_values(key[3]):
-            return number(row.get(statistic)), row["se"] if statistic == "mean" else None
-        from rkfbench.claims import replicates
+    def row(self, key: Key) -> Row | None:
+        """The row of the summary; for arithmetic over metrics, the same arithmetic over the statistics of their rows.
 
-        replicated = replicates.STATISTICS[statistic](_counted(*self._values(key), statistic))
-        return float(replicated[0]), replicates.standard_error(replicated)
+        None where something was not computed.
+        """
+        if key in self.summary:
+            return self.summary[key]
+        found = {name: self.summary.get((*key[:3], name)) for name in metrics_in(key[3])}
+        parts = {name: row for name, row in found.items() if row is not None}
+        if len(parts) < len(found):
+            return None
+
+        def combined(statistic: str) -> float:
+            with np.errstate(all="ignore"):
+                return float(parse(key[3]).evaluate(lambda name: np.float64(number(parts[name].get(statistic)))))
+
+        first = next(iter(parts.values()))
+        return {**first, "metric": key[3], "se": None} | {each: combined(each) for each in get_args(Statistic)}
+
+    def estimate(self, key: Key, statistic: str) -> tuple[float, float | None]:
+        """A statistic of the runs, or arithmetic over such, and its standard error.
+
+        The error of any but the mean of one metric needs the numbers per run, and the largest value has none.
+        """
+        row = self.row(key)
+        if row is None:
+            raise KeyError(key)
+        in_summary = key in self.summary and (statistic == "mean" or key[3] in ("failed", "lost"))
+        if in_summary or statistic == "max" or not self.has_values(key[3]):
+            return number(row.get(statistic)), row["se"] if statistic == "mean" else None
+        from rkfbench.claims.replicates import standard_error
+
+        replicated = _replicated(key[3], self._columns(key, statistic), statistic)
+        return float(replicated[0]), standard_error(replicated)
 
     def batches(self, key: Key, statistic: str, size: int) -> list[float]:
         """A statistic over disjoint batches of `size` runs; [] where there are no numbers per run."""
         if key[3] in ("failed", "lost") or is_time(key[3]) or not self.results.has_runs:
             return []
-        from rkfbench.claims import replicates
+        columns = self._columns(key, statistic)
+        runs = len(next(iter(columns.values())))
+        batches = (slice(first, first + size) for first in range(0, runs - size + 1, size))
+        parts = ({name: column[batch] for name, column in columns.items()} for batch in batches)
+        return [float(_replicated(key[3], part, statistic)[0]) for part in parts]
 
-        values, failed = self._values(key)
-        parts = (slice(first, first + size) for first in range(0, len(values) - size + 1, size))
-        return [float(replicates.STATISTICS[statistic](_counted(values[i], failed[i], statistic))[0]) for i in parts]
+    def _columns(self, key: Key, statistic: str) -> dict[str, Any]:
+        """The numbers of single runs (M,) of each metric involved; failed runs are infinite for a median, else NaN."""
+        columns = {}
+        for name in (key[3],) if key in self.summary else metrics_in(key[3]):
+            values, failed = self._values((*key[:3], name))
+            columns[name] = np.where(failed, np.inf if statistic == "median" else np.nan, values)
+        return columns
 
     def _values(self, key: Key) -> tuple[Any, Any]:
         """The numbers of single runs or repeats, and which runs failed, (M,) each."""
-        from rkfbench import metrics
-
+        if key[3] in ("failed", "lost"):
+            flags = self.results.failed(*key[:3]) if key[3] == "failed" else self.results.lost(*key[:3])
+            return flags.astype(float), np.zeros(len(flags), bool)
         values = self.results.values(*key)
         if is_time(key[3]):
             return values, np.zeros(len(values), bool)
-        root = metrics.get(key[3]).statistic == "root_mean"
-        return np.sqrt(values) if root else values, self.results.failed(*key[:3])
+        return np.sqrt(values) if _is_root(key[3]) else values, self.results.failed(*key[:3])
 
     def has_values(self, metric: str) -> bool:
         """Whether the numbers of single runs are there; those of times always are."""
@@ -169,7 +201,7 @@ def printed_numbers(table: PrintedTable) -> dict[tuple[str, str, str, str], floa
     """(filter, case, metric, statistic) -> the number that a paper's table prints for it."""
     numbers = {}
     for row in table.rows:
-        for column, value in zip(table.columns, row.values, strict=True):
+        for column, value in table.numbers(row):
             if value is not None:
                 cell = table.cell(row, column)
                 numbers[cell["filter"], cell["case"], cell["metric"], cell["statistic"]] = value
@@ -194,12 +226,29 @@ def number(value: Any) -> float:
     return math.nan if value is None else float(value)
 
 
-def _counted(values: Any, failed: Any, statistic: str) -> Any:
-    """What a statistic is taken of: failed runs are infinite for a median and left out otherwise; undefined ones are
-    left out.
+def _replicated(metric: str, columns: Mapping[str, Any], statistic: str) -> Any:
+    """A statistic over the runs of `columns`, or arithmetic over the statistics of several, with its replicates.
+
+    Runs are paired: one in which any of them is undefined is left out. A root mean square is one over the runs, too.
     """
-    values = np.where(failed, np.inf if statistic == "median" else np.nan, values)
-    return values[~np.isnan(values)]
+    from rkfbench.claims import replicates
+
+    there = ~np.isnan(list(columns.values())).any(axis=0)
+
+    def of(name: str) -> Any:
+        pooled = statistic == "mean" and _is_root(name)
+        return (replicates.rms if pooled else replicates.STATISTICS[statistic])(columns[name][there])
+
+    with np.errstate(all="ignore"):
+        return of(metric) if metric in columns else parse(metric).evaluate(of)
+
+
+def _is_root(metric: str) -> bool:
+    from rkfbench import metrics
+
+    if metric in ("failed", "lost") or is_time(metric):
+        return False
+    return metrics.get(metric).statistic == "root_mean"
 
 
 def _share(row: Row, what: str) -> Row:

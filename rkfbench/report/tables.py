@@ -24,7 +24,7 @@ from rkfbench.report.computed import COMPUTED
 from rkfbench.report.material import Material, distinct, is_time, printed_numbers, text
 from rkfbench.report.numbers import SUPERSCRIPT, Written, as_printed, fixed, written
 from rkfbench.report.words import PLAIN, Words
-from rkfbench.scenario.display import Table
+from rkfbench.scenario.display import Table, metrics_in
 from rkfbench.store import files
 
 EXACT = 1e-12  # a spread below this share of the value is rounding: nothing random, so no z
@@ -107,7 +107,7 @@ def entries(table: Table, material: Material) -> list[Entry]:
         else:
             places = _own_layout(table, material, reading)
         for row, column, (label, case, metric, statistic) in places:
-            ours = material.summary.get((reading, case, label, metric))
+            ours = material.row((reading, case, label, metric))
             theirs = numbers.get((label, case, metric, statistic))
             timed_elsewhere = is_time(metric) and reading not in material.timed
             if ours is None and (theirs is None or timed_elsewhere):
@@ -155,7 +155,8 @@ def _compared(entry: Entry, n: int, spread: float | None, material: Material) ->
 
 def needs_runs(table: Table) -> bool:
     """Whether some error or range comes from numbers per run, which a committed folder does not keep."""
-    return bool({"median", "sd"} & set(table.statistics)) or table.paper is not None
+    arithmetic = any(metrics_in(metric) != (metric,) for metric in table.metrics)
+    return arithmetic or bool({"median", "sd"} & set(table.statistics)) or table.paper is not None
 
 
 def layouts(table: Table, found: Sequence[Entry], decimals: int | None = None, words: Words = PLAIN) -> list[Sheet]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rkfbench.report.style import display_name
+from rkfbench.scenario.display import metrics_in
 
 METRICS = {
     "err_norm": "error norm", "max_error": "largest error", "mse": "MSE", "rmse": "RMSE", "pooled_rmse": "pooled RMSE",
@@ -45,7 +46,12 @@ class Words:
         return self.given.get(label) or display_name(label)
 
     def metric(self, name: str) -> str:
-        """`mse[px]@900` -> `MSE [px] at k = 900`; that of a curve (`err_norm@k`) is the name alone."""
+        """`mse[px]@900` -> `MSE [px] at k = 900`; that of a curve (`err_norm@k`) is the name alone; within arithmetic
+        over metrics each.
+        """
+        if name not in self.given and (parts := metrics_in(name)) != (name,):
+            longest_first = sorted(parts, key=len, reverse=True)
+            return re.sub("|".join(map(re.escape, longest_first)), lambda match: self.metric(match[0]), name)
         bare, _, step = name.partition("@")
         return self.given.get(name) or (self.given.get(bare) or _quantity(bare)) + _at(step)
 

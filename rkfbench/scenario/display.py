@@ -8,7 +8,8 @@ The kinds are few; a paper's figure is one of them with the paper's axes:
       - {id: fig3, kind: curve, metric: error_norm, cases: [rate=0.05], y: {unit: m}}
     tables:
       - {id: table1, metric: rmse, rows: case, columns: filter, paper: table-1}
-      - {id: table2, computed: operation_counts}
+      - {id: table2, metric: "100 * (mse_prior@j - mse@j) / mse_prior@j"}     # arithmetic with statistics, as in claims
+      - {id: table3, computed: operation_counts}
 
 A case is named by its label, or by a part of it: `R2` picks `R2,rate=0.2` and `R2,rate=0.4`.
 """
@@ -20,6 +21,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from rkfbench.claims.expression import parse
 from rkfbench.errors import Path
 
 Dimension = Literal["case", "filter", "metric"]
@@ -190,7 +192,11 @@ class Table(Selection):
     but what follows from formulas.
     """
 
-    metric: Names | None = Field(default=None, description="metric, or a list; default: those of the printed table")
+    metric: Names | None = Field(
+        default=None,
+        description="metric, arithmetic such as `100 * (a - b) / a` with the statistics of metrics, or a list; "
+        "default: those of the printed table",
+    )
     rows: Dimension | list[Dimension] | None = Field(
         default=None, description="what changes from row to row, outermost first; default: case"
     )
@@ -251,10 +257,19 @@ def names_used(item: Figure | Table) -> Iterator[NameUse]:
     """Every name that a table or figure uses, for the check that the scenario has it."""
     for kind, key in NAMING:
         value = getattr(item, key, None)
+        single = metrics_in if kind == "metric" and isinstance(item, Table) else lambda name: (name,)
         if isinstance(value, str):
-            yield NameUse(kind, value, (key,))
+            yield from (NameUse(kind, name, (key,)) for name in single(value))
         elif value:
-            yield from (NameUse(kind, name, (key, i)) for i, name in enumerate(value))
+            yield from (NameUse(kind, name, (key, i)) for i, each in enumerate(value) for name in single(each))
+
+
+def metrics_in(metric: str) -> tuple[str, ...]:
+    """The metrics of arithmetic over metrics; a metric alone is the only one."""
+    try:
+        return parse(metric).names()
+    except ValueError:  # a metric may hold what reads as a parenthesis too many
+        return (metric,)
 
 
 def case_matches(name: str, label: str) -> bool:

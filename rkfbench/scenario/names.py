@@ -28,7 +28,7 @@ def unknown_names(
     known = known_names(cells, columns)
     if paper is not None:
         known |= {"printed": list(paper.tables), "claim": [claim.id for claim in (*paper.claims, *file.claims)]}
-    shown = [*known["metric"], *known["filter"], *columns]
+    shown = [*known["metric"], *known["filter"], *columns, *(each for table in file.tables for each in table.metrics)]
     shown += dict.fromkeys(part for case in known["case"] for part in (case, *case.split(",")))
     for label in file.names:
         if label not in shown:

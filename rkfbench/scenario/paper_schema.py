@@ -43,15 +43,22 @@ class PrintedTable(Names):
     decimals: int | None = Field(default=None, ge=0, description="printed decimals; half a unit of the last is granted")
     unit: str = Field(default="", description="unit of the numbers")
     scenario: str | None = Field(default=None, description="the paper's scenario it belongs to; default: the first")
+    once: bool = Field(default=False, description="each row has one number, which every column reads in its way")
     columns: list[PrintedLine] = Field(min_length=1, description="columns, from left to right")
     rows: list[PrintedRow] = Field(min_length=1, description="rows, from top to bottom")
 
     @model_validator(mode="after")
     def _is_full(self) -> PrintedTable:
+        count, columns = (1, "all") if self.once else (len(self.columns), len(self.columns))
         for row in self.rows:
-            if len(row.values) != len(self.columns):
-                raise ValueError(f"row '{row.label}' has {len(row.values)} values for {len(self.columns)} columns")
+            if len(row.values) != count:
+                raise ValueError(f"row '{row.label}' has {len(row.values)} values for {columns} columns")
         return self
+
+    def numbers(self, row: PrintedRow) -> list[tuple[PrintedLine, float | None]]:
+        """The columns with the numbers that a row prints in them."""
+        values = row.values * len(self.columns) if self.once else row.values
+        return list(zip(self.columns, values, strict=True))
 
     def cell(self, row: PrintedRow, column: PrintedLine) -> dict[str, str]:
         """{filter, case, metric, statistic} of a cell: what the column says, else the row, else the table."""

@@ -73,6 +73,19 @@ def test_every_name_is_told_with_its_place() -> None:
     ]
 
 
+def test_a_table_uses_every_metric_of_its_arithmetic_and_a_figure_takes_none() -> None:
+    written = "100 * (mse_prior@j - mse@j) / mse_prior@j"
+    table = Table(id="t", metric=["mse@j", written, "share(name=w, limit=0.5)"])
+    assert list(names_used(table)) == [
+        NameUse("metric", "mse@j", ("metric", 0)),
+        NameUse("metric", "mse_prior@j", ("metric", 1)),
+        NameUse("metric", "mse@j", ("metric", 1)),
+        NameUse("metric", "share(name=w, limit=0.5)", ("metric", 2)),
+    ]
+    figure = FIGURES.validate_python({"id": "f", "kind": "bars", "metric": written})
+    assert list(names_used(figure)) == [NameUse("metric", written, ("metric",))]
+
+
 @pytest.mark.parametrize(
     ("name", "label", "picked"),
     [

@@ -1,8 +1,10 @@
 import pytest
 
 from rkfbench.errors import ScenarioError, SpecError, UsageError
-from rkfbench.scenario import load_paper
+from rkfbench.scenario import load, load_paper
+from rkfbench.scenario.display import metrics_in
 from rkfbench.scenario.files import papers
+from rkfbench.scenario.names import known_names
 
 TEXT = """\
 cite: A journal 1, 2000
@@ -61,3 +63,14 @@ def test_an_unknown_paper_is_an_error() -> None:
 @pytest.mark.parametrize("name", papers())
 def test_every_bundled_paper_file_is_valid(name) -> None:
     assert load_paper(name).claims
+
+
+def test_the_printed_tables_that_navigation_shows_name_what_it_measures() -> None:
+    scenario, paper = load("navigation"), load_paper("fpmcs-2024")
+    known = known_names(scenario.cells, [])
+    for table in (paper.tables[each.paper] for each in scenario.tables if each.paper):
+        for row in table.rows:
+            for column, _ in table.numbers(row):
+                cell = table.cell(row, column)
+                assert cell["filter"] in known["filter"]
+                assert all(name in known["metric"] or name == "time_ms" for name in metrics_in(cell["metric"]))
