@@ -61,6 +61,8 @@ def _what(figure: Any, metrics: str, runs: str, points: Sequence[Point], words: 
         parts.append(f"shaded: ± {words.metric(figure.band)}")
     if getattr(figure, "beside", None):
         parts.append(f"dotted: {words.metric(figure.beside)}")
+    if any(point.role == "before" for point in points):
+        parts.append(f"marks at the left: {', '.join(words.metric(each) for each in figure.befores)}")
     return "; ".join(parts)
 
 

@@ -21,6 +21,7 @@ Looks = Mapping[str, Look]
 HUGE = 1e100  # larger values cannot be drawn to scale and count as infinite, their inverses as 0
 BESIDE: dict[str, Any] = {"linestyle": style.DOTTED, "marker": "", "linewidth": 1.0}
 PATH: dict[str, Any] = {"linestyle": style.SOLID, "marker": "", "linewidth": 0.5}  # a single run: too rough for dashes
+BEFORE = (0.18, 0.03)  # where marks stand at the left of the steps, in ranges of these
 PRINTED: dict[str, Any] = {
     "linestyle": "",
     "marker": "D",
@@ -31,7 +32,9 @@ PRINTED: dict[str, Any] = {
 
 
 def _curves(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: Words) -> None:
-    """Lines against the step with their band of +-2 standard errors; markers a few times a line, staggered."""
+    """Lines against the step with their band of +-2 standard errors; markers a few times a line, staggered. What is
+    known before the first step stands at its left, side by side.
+    """
     filters = distinct(point.filter for point in points)
     path = getattr(figure, "statistic", "") == "first"
     for order, label in enumerate(filters):
@@ -56,6 +59,24 @@ def _curves(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words:
                 **line_style(look) | (BESIDE if role == "beside" else PATH if path else {}),
             )
             _arrows(ax, x, y, look)
+    _before(ax, figure, points, looks)
+
+
+def _before(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks) -> None:
+    """A hollow mark a filter with its bar of +-2 standard errors, where no step is."""
+    before = [point for point in points if point.role == "before"]
+    steps, _, _, _ = _arrays([point for point in points if point.role == "ours"], figure.x.times, figure.y.times)
+    if not before or not steps.size:
+        return
+    first, last = steps.min(), steps.max()
+    places = first - (last - first) * np.linspace(*BEFORE, len(before))
+    for place, point in zip(places, before, strict=True):
+        _, y, low, high = _arrays([point], figure.x.times, figure.y.times)
+        x, look = np.array([place]), looks[point.filter]
+        ax.plot(x, _finite(y), **run_style(look))
+        _bars_of_error(ax, x, y, low, high, look)
+        _arrows(ax, x, y, look)
+    ax.set_xticks([tick for tick in ax.get_xticks() if first <= tick <= last])
 
 
 def _sweep(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: Words) -> None:
@@ -155,7 +176,7 @@ def line_style(look: Look) -> dict[str, Any]:
 
 
 def run_style(look: Look) -> dict[str, Any]:
-    """A hollow mark, as marks of single runs overlap."""
+    """A hollow mark without a line, as marks of single runs overlap."""
     return line_style(look) | {"linestyle": "", "marker": look.marker or ".", "markerfacecolor": "none"}
 
 

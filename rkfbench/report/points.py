@@ -23,7 +23,8 @@ METRIC = "influence"  # what stands as the metric of an influence curve
 class Point(NamedTuple):
     """One plotted value.
 
-    Roles: ours; beside and band (see `display`); level, a filter without the swept parameter; paper, a printed number.
+    Roles: ours; beside, band and before (see `display`; the last has no x and the metric of its curve); level, a filter
+    without the swept parameter; paper, a printed number.
     """
 
     role: str
@@ -79,6 +80,11 @@ def _steps(figure: Curve | Panels, material: Material, reading: str) -> Iterator
                     y = number(row[statistic])
                     low, high = _interval(y, row["se"]) if statistic == "mean" and role != "band" else (None, None)
                     yield Point(role, reading, case, label, metric, row["k"], y, low, high, None, *counts)
+            for metric, before in zip(figure.metrics, figure.befores, strict=False):
+                summary = material.summary.get((reading, case, label, before))
+                if summary is not None and (reading, case, label, metric) in material.series:
+                    mark = _summary_point(figure.statistic, material, summary, "before", case, label, None)
+                    yield mark._replace(metric=metric)
 
 
 def _sweep(figure: Sweep, material: Material, reading: str) -> Iterator[Point]:

@@ -110,6 +110,20 @@ class Steps(Plot):
     band: Name | None = Field(
         default=None, description="a metric b whose band from -b to b is shaded behind the curves"
     )
+    before: Names | None = Field(
+        default=None,
+        description="for each metric one without a curve, such as the error of the prior: a mark left of the curves",
+    )
+
+    @model_validator(mode="after")
+    def _one_before_each(self) -> Steps:
+        if self.before is not None and (len(self.befores) != len(self.metrics) or self.statistic == "first"):
+            raise ValueError("`before` is one metric for each of `metric`, and a mean or median of them")
+        return self
+
+    @property
+    def befores(self) -> list[str]:
+        return [self.before] if isinstance(self.before, str) else self.before or []
 
 
 class Curve(Steps):
@@ -244,6 +258,7 @@ NAMING: tuple[tuple[NameKind, str], ...] = (
     ("metric", "metric"),
     ("metric", "beside"),
     ("metric", "band"),
+    ("metric", "before"),
     ("filter", "filters"),
     ("case", "cases"),
     ("reading", "readings"),

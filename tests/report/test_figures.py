@@ -20,6 +20,7 @@ from tests.report import fakes
 KINDS: dict[str, dict[str, Any]] = {
     "curve": {"kind": "curve", "metric": "err_norm@k", "cases": ["rate=0.05", "rate=0.4"]},
     "curve beside another": {"kind": "curve", "metric": "err_norm@k", "beside": "rmse@k", "cases": ["rate=0.4"]},
+    "curve after a prior": {"kind": "curve", "metric": "err_norm@k", "before": "err_norm", "cases": ["rate=0.4"]},
     "panels": {"kind": "panels", "metric": "err_norm@k", "band": "rmse@k", "share": "row", "cases": ["rate=0.4"]},
     "sweep": {"kind": "sweep", "over": "rate", "metric": "cond_S", "whiskers": "sd"},
     "sweep of a parameter": {"kind": "sweep", "over": "hkf.threshold", "metric": ["err_norm", "cond_S"]},
@@ -56,6 +57,17 @@ def test_no_value_stops_a_figure(keys: dict[str, Any], material: Material) -> No
     mixed = [point._replace(y=y, low=y, high=y) for point, y in zip(found, values, strict=False)]
     drawn(figure, mixed)
     drawn(figure, [point._replace(y=math.nan, low=None, high=None) for point in found])
+
+
+def test_priors_stand_side_by_side_at_the_left_of_the_first_step(material: Material) -> None:
+    figure = declared(**KINDS["curve after a prior"])
+    found = points(figure, material, "literal")
+    (ax,) = drawn(figure, found).axes
+    places = sorted({x for line in ax.lines for x in line.get_xdata() if x < 1})
+    assert len(places) == len({point.filter for point in found})
+    assert -0.2 * fakes.STEPS < places[0] < places[-1] < 1
+    assert min(ax.get_xticks()) >= 1
+    assert "marks at the left: error norm" in caption(figure, found)
 
 
 def test_a_filter_of_which_every_run_failed_leaves_a_gap(tmp_path: Path) -> None:

@@ -45,6 +45,21 @@ def test_curves_leave_extras_out_unless_they_are_named(material: Material) -> No
     assert [point.x for point in named] == list(range(1, fakes.STEPS + 1))
 
 
+def test_a_prior_goes_with_each_curve_and_has_no_step(material: Material) -> None:
+    asked = {"kind": "curve", "metric": ["err_norm@k", "rmse@k"], "cases": ["rate=0.4"], "filters": ["kf", "hkf"]}
+    found = points(material, before=["err_norm", "cond_S"], **asked)
+    priors = [point for point in found if point.role == "before"]
+    assert [(each.filter, each.metric, each.x) for each in priors] == [
+        ("kf", "err_norm@k", None),
+        ("kf", "rmse@k", None),
+        ("hkf", "err_norm@k", None),
+        ("hkf", "rmse@k", None),
+    ]
+    row = material.summary["literal", "rate=0.4", "hkf", "cond_S"]
+    assert (priors[3].y, priors[3].low) == (row["mean"], row["mean"] - 2 * row["se"])
+    assert [point for point in found if point.role != "before"] == points(material, **asked)
+
+
 def test_runs_are_the_first_ones(material: Material) -> None:
     found = points(material, kind="runs", metric="err_norm", cases=["rate=0.05"], filters=["kf"], first=7)
     assert [point.x for point in found] == [1, 2, 3, 4, 5, 6, 7]

@@ -15,6 +15,7 @@ FIGURES: TypeAdapter[Any] = TypeAdapter(Figure)
     [
         {"kind": "curve", "metric": "rmse@k", "beside": "bound@k", "statistic": "median", "x": {"log": True}},
         {"kind": "panels", "metric": "error@k", "band": "rmse@k", "share": "row"},
+        {"kind": "curve", "metric": ["mse[px]@lag", "mse[py]@lag"], "before": ["mse_prior[px]@j", "mse_prior[py]@j"]},
         {"kind": "sweep", "over": "rate", "metric": ["rmse", "cond_S"], "whiskers": "sd"},
         {"kind": "runs", "metric": "rmse", "first": 50},
         {"kind": "bars", "metric": "rmse", "paper": "table1"},
@@ -38,6 +39,8 @@ def test_every_kind_can_be_declared(figure: dict[str, Any]) -> None:
         ({"id": "f", "kind": "runs", "metric": "rmse", "first": True}, ("runs", "first")),
         ({"id": "f", "kind": "curve", "metric": "rmse", "x": {"limits": [0]}}, ("curve", "x", "limits")),
         ({"id": "f", "kind": "sweep", "metric": "rmse"}, ("sweep", "over")),
+        ({"id": "f", "kind": "curve", "metric": ["a@lag", "b@lag"], "before": "a@j"}, ("curve",)),
+        ({"id": "f", "kind": "curve", "metric": "a@k", "before": "a", "statistic": "first"}, ("curve",)),
     ],
 )
 def test_what_makes_no_sense_is_refused_where_it_stands(figure: dict[str, Any], place: tuple[str, ...]) -> None:
