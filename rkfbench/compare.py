@@ -1,8 +1,9 @@
 """Two results folders side by side: the same bytes, the same numbers to a tolerance, or a statistical difference.
 
 Numbers that differ by more than the tolerance are tested, each summary row by a z-value: on the paired differences of
-the runs where both folders keep them and the seeds agree, else on the two means. The threshold is the Bonferroni value
-of a 95 % family of all rows that are tested. Rows that only one folder has are differences.
+the runs where both folders keep them and the seeds agree, else on the two means; where one has no mean, because no
+run tracks or because it overflows, on the shares of runs left out or on the medians. The threshold is the Bonferroni
+value of a 95 % family of all rows that are tested. Rows that only one folder has are differences.
 """
 
 from __future__ import annotations
@@ -122,9 +123,34 @@ def _z(a: Results, b: Results, key: Key, first: Row, second: Row) -> float:
         difference = difference[np.isfinite(difference)]
         if len(difference) > 1:
             return _ratio(float(difference.mean()), float(difference.std(ddof=1)) / math.sqrt(len(difference)))
-    if _undefined(first["mean"]) or _undefined(second["mean"]):
-        return math.inf  # where both are, no row is tested
+    if _undefined(first["mean"]) or _undefined(second["mean"]):  # where both are, no row is tested
+        empty = second if _undefined(second["mean"]) else first
+        return _z_left_out(first, second) if _left_out(empty) == empty["runs"] else math.inf
+    if math.isinf(first["mean"]) or math.isinf(second["mean"]):
+        return _z_medians(first, second)
     return _ratio(first["mean"] - second["mean"], _pooled_se(first, second))
+
+
+def _left_out(row: Row) -> int:
+    """The runs that failed or were lost: a mean over those that track is one over none where that is all of them."""
+    return int(row["failed"] + row["lost"])
+
+
+def _z_left_out(first: Row, second: Row) -> float:
+    """The difference of the shares of runs left out in standard errors of equal shares."""
+    (out, n), (others, m) = ((_left_out(row), row["runs"]) for row in (first, second))
+    share = (out + others) / (n + m)
+    return _ratio(out / n - others / m, math.sqrt(share * (1 - share) * (1 / n + 1 / m)))
+
+
+def _z_medians(first: Row, second: Row) -> float:
+    """The difference of the medians, where single runs make a mean overflow; their standard errors are those of a
+    normal law with the 5 % and 95 % quantiles of the rows.
+    """
+    width = 2 * NormalDist().inv_cdf(0.95)
+    squares = (math.pi / 2 * ((row["q95"] - row["q05"]) / width) ** 2 / row["runs"] for row in (first, second))
+    z = _ratio(first["median"] - second["median"], math.sqrt(sum(squares)))
+    return math.inf if _undefined(z) else z
 
 
 def _pooled_se(first: Row, second: Row) -> float:

@@ -77,3 +77,37 @@ def test_rows_of_one_folder_alone_are_differences_unless_only_common_ones_count(
     assert found.level == "different"
     assert [(each.key[2], each.a, each.b is None) for each in found.differences] == [("hkf", None, False)]
     assert compare(a, b, common=True).level == "same to the tolerance"
+
+
+def tracking(folder: Path, runs: int, tracked: int, seed: int) -> Results:
+    """A folder with one mean over the runs that are not lost, of which there may be none."""
+    row = {"reading": "a", "case": "", "filter": "pf", "metric": "tracking_mse", "runs": runs, "failed": 0}
+    lost = {"lost": runs - tracked}
+    statistics = summarise(np.random.default_rng(seed).standard_normal(tracked), np.zeros(tracked, bool))
+    files.write_records(folder / "summary.csv", list(row | lost | statistics), [row | lost | statistics])
+    manifest.seal(folder, scenario="toy", seed=seed, runs=runs)
+    return Results.open(folder)
+
+
+@pytest.mark.parametrize(("tracked", "level"), [(9, "no statistical difference"), (900, "different")])
+def test_a_mean_over_no_run_that_tracks_is_judged_by_how_many_track(tmp_path: Path, tracked: int, level: str) -> None:
+    few, many = tracking(tmp_path / "a", 100, 0, 1), tracking(tmp_path / "b", 2000, tracked, 2)
+    assert compare(few, many).level == level
+    assert compare(many, few).level == level
+
+
+def test_a_number_that_vanished_from_runs_that_track_is_a_difference(tmp_path: Path) -> None:
+    some, none = (
+        results(tmp_path / name, {"kf": draw(1) * factor}, 7, False) for name, factor in (("a", 1), ("b", np.nan))
+    )
+    assert compare(some, none).level == "different"
+
+
+def test_means_that_overflow_are_judged_by_medians(tmp_path: Path) -> None:
+    def folder(name: str, seed: int, shift: float) -> Results:
+        values = draw(seed) + shift
+        values[:2] = np.inf if name == "a" else 1e300
+        return results(tmp_path / f"{name}{shift}", {"kf": values}, seed, False)
+
+    assert compare(folder("a", 1, 0.0), folder("b", 2, 0.0)).level == "no statistical difference"
+    assert compare(folder("a", 1, 1.0), folder("b", 2, 0.0)).level == "different"
