@@ -26,6 +26,7 @@ Key = tuple[Any, Any]  # value of the row dimension, value of the column dimensi
 DECADES = 3  # positive values that span more are drawn on a logarithmic axis
 ROW_CHARACTERS = 24  # of a line of the name at the left of a row
 WIDTH, CAPTION_LINE, CAPTION_CHARACTERS = 7.0, 0.155, 118  # inches, inches, characters a line
+TITLE_CHARACTERS = 11  # of the title of a panel, an inch
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,8 @@ def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = ""
         _scale(ax, figure, [point for point in same_axis if point.role != "band"])
         marks.KINDS[figure.kind](ax, figure, inside, looks, words)
         _plain_ticks(ax)
-        ax.set_title(_title(grid, panel, top=number < columns))
+        title = _title(grid, panel, top=number < columns)
+        ax.set_title(textwrap.fill(title, max(10, int(TITLE_CHARACTERS * width / columns))))
         if number + columns >= len(grid.panels):
             ax.set_xlabel(_axis_label(figure.x, _x_name(figure, words)))
             ax.tick_params(labelbottom=True)

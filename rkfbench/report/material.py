@@ -188,12 +188,12 @@ class Material:
             yield place | {"runs": count, "mean": mean, "sd": sd, "se": error, "median": middle}
 
     def parameter_values(self, family: str, parameter: str) -> dict[str, float | str]:
-        """Label -> value of a parameter, for the filters of that name in the order of the value."""
-        found = {
-            label: row[parameter]
-            for label, row in self.filters.items()
-            if self.names[label] == family and row.get(parameter) is not None
-        }
+        """Label -> value of a parameter, in its order, for the filters that are labelled `family` or `family[...]`; for
+        all of that name when none is. So another label (`fpmcs-floor05`) keeps variants out of a sweep.
+        """
+        same = [label for label, name in self.names.items() if name == family]
+        same = [label for label in same if label.partition("[")[0] == family] or same
+        found = {label: value for label in same if (value := self.filters[label].get(parameter)) is not None}
         return dict(sorted(found.items(), key=lambda item: (isinstance(item[1], str), item[1])))
 
 

@@ -98,3 +98,13 @@ def test_points_survive_their_csv(material: Material, tmp_path: Path) -> None:
     found.append(Point("ours", "literal", "", "kf", "cond_S", "text", math.inf))
     of.write_points(tmp_path / "points.csv", found)
     assert of.read_points(tmp_path / "points.csv") == found
+
+
+def test_a_sweep_over_a_parameter_leaves_out_variants_with_a_label_of_their_own(material: Material) -> None:
+    found = material.parameter_values("hkf", "threshold")
+    assert list(found) == ["hkf[threshold=0.5]", "hkf", "hkf[threshold=3]"]
+    other = fakes.material(material.results)
+    other.filters["hkf-guarded"] = {**other.filters["hkf"], "label": "hkf-guarded"}
+    other.names["hkf-guarded"] = "hkf"
+    assert other.parameter_values("hkf", "threshold") == found
+    assert list(other.parameter_values("hkf-guarded", "threshold")) == []
