@@ -30,12 +30,17 @@ def update(scenario: Scenario, folder: Path, pool: Pool, *, fresh: bool = False)
     """Judge the claims of a folder and write its tables and figures, unless they are there as they would be made."""
     content = manifest.read(folder)
     made_from = _digest(scenario, content)
-    if not fresh and content["hashes"].get(HASH) == made_from and manifest.whole(folder, content):
+    if not fresh and content["hashes"].get(HASH) == _made(made_from, content) and manifest.whole(folder, content):
         return
     manifest.seal(folder, hashes={HASH: ""})  # whatever ends this early, the next call begins anew
     write_claims(scenario, folder)
     render(folder, pool)
-    manifest.seal(folder, hashes={HASH: made_from})
+    manifest.seal(folder, hashes={HASH: _made(made_from, manifest.read(folder))})
+
+
+def _made(made_from: str, content: Mapping[str, Any]) -> str:
+    """A digest of what the derived files were made from and of their names: one that was taken away is missed."""
+    return plan.digest([made_from, sorted(name for name in content["files"] if name.split("/")[0] in DERIVED)])
 
 
 def of_report(folders: Sequence[Path]) -> str:
