@@ -132,8 +132,10 @@ def _z(a: Results, b: Results, key: Key, first: Row, second: Row) -> float:
 
 
 def _left_out(row: Row) -> int:
-    """The runs that failed or were lost: a mean over those that track is one over none where that is all of them."""
-    return int(row["failed"] + row["lost"])
+    """The runs that failed or were lost (one that failed is lost too, where anything is said of that): where these are
+    all, none tracks.
+    """
+    return int(max(row["failed"], row["lost"]))
 
 
 def _z_left_out(first: Row, second: Row) -> float:

@@ -81,7 +81,7 @@ def test_rows_of_one_folder_alone_are_differences_unless_only_common_ones_count(
 
 def tracking(folder: Path, runs: int, tracked: int, seed: int) -> Results:
     """A folder with one mean over the runs that are not lost, of which there may be none."""
-    row = {"reading": "a", "case": "", "filter": "pf", "metric": "tracking_mse", "runs": runs, "failed": 0}
+    row = {"reading": "a", "case": "", "filter": "pf", "metric": "tracking_mse", "runs": runs, "failed": 1}
     lost = {"lost": runs - tracked}
     statistics = summarise(np.random.default_rng(seed).standard_normal(tracked), np.zeros(tracked, bool))
     files.write_records(folder / "summary.csv", list(row | lost | statistics), [row | lost | statistics])

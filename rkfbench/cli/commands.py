@@ -131,7 +131,8 @@ def reproduce(
             terminal.note(f"{scenario.name}: against results/reference: {level}")
             different += [scenario.name] * (level == "different")
     if folders:
-        report = write_report(folders, REFERENCE if reference else RESULTS, of_report(folders))
+        place = REFERENCE if reference else RESULTS  # the committed report stands beside its figures
+        report = write_report(folders, place, of_report(folders), embedded=not reference)
         rows = [{"paper": paper, "reading": reading, "claims": text} for paper, reading, text in sentences(folders)]
         terminal.records(rows, ["paper", "reading", "claims"])
         terminal.note(f"report: {', '.join(map(str, report))}")

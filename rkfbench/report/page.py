@@ -36,10 +36,15 @@ class Shown:
     """A figure as the page shows it: its file but for the caption at the foot, which stands beside it as text."""
 
     picture: Picture
-    png: str  # base64
+    path: Path  # the PNG of the results folder
     width: int  # of what is shown
     height: int
-    file: str  # the PNG of the results folder, relative to the page
+    file: str  # the PNG relative to the page
+
+    @property
+    def data(self) -> str:
+        """The PNG as an address that holds it."""
+        return f"data:image/png;base64,{base64.b64encode(self.path.read_bytes()).decode()}"
 
 
 @dataclass(frozen=True)
@@ -66,8 +71,7 @@ class ScenarioView:
             if not file.exists():
                 raise UsageError(f"{file} is missing: make it again with rkfbench report {self.outcome.results.folder}")
             width, height = (round(inches * PIXELS) for inches in picture.size)
-            png = base64.b64encode(file.read_bytes()).decode()
-            shown.append(Shown(picture, png, width, height, relative(file, self.place)))
+            shown.append(Shown(picture, file, width, height, relative(file, self.place)))
         return shown
 
     @property
@@ -145,10 +149,13 @@ class PaperView:
         return claims, first + [(switch, [each.switches.get(switch, "") for each in claims]) for switch in switches]
 
 
-def write_report(folders: Sequence[str | Path], out: str | Path, made_from: str = "") -> list[Path]:
+def write_report(
+    folders: Sequence[str | Path], out: str | Path, made_from: str = "", embedded: bool = True
+) -> list[Path]:
     """Write report.html and report.md into `out` for these results folders; a results folder is sealed again.
 
-    made_from: a digest of all that goes into them; what bears its stamp is left as it is.
+    made_from: a digest of all that goes into them; what bears its stamp is left as it is. embedded: the figures stand
+    in the page, which can go anywhere by itself; else it refers to their files.
     """
     place = Path(out)
     paths = [place / "report.html", place / "report.md"]
@@ -157,7 +164,7 @@ def write_report(folders: Sequence[str | Path], out: str | Path, made_from: str 
     papers = views(folders, place)
     page = environment()
     for path in paths:
-        text = page.get_template(f"{path.name}.j2").render(papers=papers).strip() + "\n"
+        text = page.get_template(f"{path.name}.j2").render(papers=papers, embedded=embedded).strip() + "\n"
         files.write(path, text + (_stamp(text, made_from) if made_from else ""))
     if (place / manifest.NAME).exists():
         manifest.seal(place)

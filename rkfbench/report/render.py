@@ -17,7 +17,7 @@ from typing import Any
 
 from rkfbench import scenario as scenarios
 from rkfbench.pool import Pool
-from rkfbench.report import figures, forest, style, tables
+from rkfbench.report import entries, figures, forest, style, tables
 from rkfbench.report.captions import caption
 from rkfbench.report.influence import influence_points
 from rkfbench.report.material import Material, distinct
@@ -95,21 +95,18 @@ class Outcome:
             Words(self.scenario.names),
         )
 
-    def tables(self) -> Iterator[tuple[Table, list[tables.Entry], list[tables.Sheet]]]:
+    def tables(self) -> Iterator[tuple[Table, list[entries.Entry], list[tables.Sheet]]]:
         """Every declared table that has numbers, with its entries and sheets."""
         for table in self.scenario.tables:
             path = self.results.folder / "tables" / f"{table.id}.csv"
-            entries = self._kept(path, tables.read_entries) if tables.needs_runs(table) else None
-            entries = entries or tables.entries(table, self.material)
+            found = self._kept(path, entries.read) if entries.needs_runs(table) else None
+            found = found or entries.of(table, self.material)
             printed = self.material.printed.get(table.paper) if table.paper else None
             if printed and not table.title:
                 table = table.model_copy(update={"title": printed.title})
-            if entries:
-                yield (
-                    table,
-                    entries,
-                    tables.layouts(table, entries, printed.decimals if printed else None, self.material.words),
-                )
+            if found:
+                decimals = printed.decimals if printed else None
+                yield table, found, tables.layouts(table, found, decimals, self.material.words)
 
     def pictures(self) -> Iterator[Picture]:
         """Every declared figure under each of its readings for which there are numbers."""
@@ -158,9 +155,9 @@ def render(folder: str | Path, pool: Pool | None = None) -> list[Path]:
 
 
 def _write_tables(outcome: Outcome) -> Iterator[Path]:
-    for table, entries, sheets in outcome.tables():
+    for table, found, sheets in outcome.tables():
         stem = outcome.results.folder / "tables" / table.id
-        tables.write_entries(stem.with_suffix(".csv"), entries)
+        entries.write(stem.with_suffix(".csv"), found)
         files.write(stem.with_suffix(".md"), tables.markdown(table, sheets))
         files.write(stem.with_suffix(".tex"), tables.latex(table, sheets))
         yield from (stem.with_suffix(suffix) for suffix in (".csv", ".md", ".tex"))

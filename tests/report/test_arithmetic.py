@@ -9,7 +9,7 @@ import pytest
 
 from rkfbench.claims.expression import parse
 from rkfbench.claims.measure import Estimand, Point, observe
-from rkfbench.report import tables
+from rkfbench.report import entries
 from rkfbench.report.material import Material
 from rkfbench.report.words import Words
 from rkfbench.scenario.display import Table
@@ -51,13 +51,13 @@ def test_without_numbers_per_run_the_means_give_it_without_an_error(tmp_path: Pa
     means = {name: without.summary[*KEY[:3], name]["mean"] for name in ("err_norm", "cond_S")}
     expected = 100 * (means["cond_S"] - means["err_norm"]) / means["cond_S"]
     assert without.estimate(KEY, "mean") == (pytest.approx(expected), None)
-    assert tables.needs_runs(Table(id="t", metric=[RATIO]))
-    assert not tables.needs_runs(Table(id="t", metric=["err_norm"]))
+    assert entries.needs_runs(Table(id="t", metric=[RATIO]))
+    assert not entries.needs_runs(Table(id="t", metric=["err_norm"]))
 
 
 def test_counts_and_medians_stand_beside_and_unknown_parts_leave_the_cell_out(material: Material) -> None:
     table = Table(id="t", metric=[RATIO, "err_norm - mse"], filters=["kf"], cases=["rate=0.4"], readings=["literal"])
-    (entry,) = tables.entries(table, material)
+    (entry,) = entries.of(table, material)
     rows = {name: material.summary[*KEY[:3], name] for name in ("err_norm", "cond_S")}
     medians = {name: row["median"] for name, row in rows.items()}
     assert entry.median == pytest.approx(100 * (medians["cond_S"] - medians["err_norm"]) / medians["cond_S"])
@@ -68,7 +68,7 @@ def test_one_printed_number_may_be_read_in_several_ways(material: Material) -> N
     columns = [PrintedLine(label=each, metric=each) for each in ("err_norm", RATIO)]
     rows = [PrintedRow(label="KF", filter="kf", case="rate=0.4", values=[3.0])]
     printed = fakes.printed_table(columns=columns, rows=rows, runs=20, once=True)
-    plain, ratio = tables.entries(
+    plain, ratio = entries.of(
         Table(id="t", paper="table-1", readings=["literal"]), fakes.material(material.results, printed)
     )
     assert (plain.printed, ratio.printed) == (3.0, 3.0)

@@ -159,3 +159,11 @@ def test_two_scenarios_without_a_paper_stand_side_by_side(written: Path, folder:
     both = Page((folder / "report.html").read_text(encoding="utf-8"))
     assert "No claim was decided." in both.text
     assert {"fake", "other"} <= {attrs.get("id") for _, attrs in both.tags}
+
+
+def test_a_page_that_is_not_to_go_elsewhere_refers_to_the_files_of_its_figures(folder: Path) -> None:
+    render(folder)
+    html, _ = write_report([folder], folder, embedded=False)
+    sources = re.findall(r'<img src="([^"]+)"', html.read_text(encoding="utf-8"))
+    assert sources
+    assert all((folder / source).is_file() for source in sources)

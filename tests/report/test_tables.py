@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rkfbench.report import tables
+from rkfbench.report import entries, tables
 from rkfbench.report.material import Material
 from rkfbench.scenario.display import Table
 from rkfbench.scenario.paper_schema import PrintedLine, PrintedRow
@@ -14,7 +14,7 @@ from tests.report import fakes
 
 
 def sheet(table: Table, material: Material, reading: str = "literal", decimals: int | None = None) -> tables.Sheet:
-    sheets = tables.layouts(table, tables.entries(table, material), decimals)
+    sheets = tables.layouts(table, entries.of(table, material), decimals)
     return next(each for each in sheets if each.reading == reading)
 
 
@@ -38,7 +38,7 @@ def spread_table(material: Material) -> Material:
 def test_under_a_printed_number_stand_ratio_z_and_the_range_over_batches_of_the_papers_runs(material: Material) -> None:
     key = "literal", "rate=0.2", "kf", "err_norm"
     x = material.results.values(*key)
-    mean, sd = tables.entries(Table(id="t", paper="table-1"), spread_table(material))[:2]
+    mean, sd = entries.of(Table(id="t", paper="table-1"), spread_table(material))[:2]
     assert mean.ratio == pytest.approx(x.mean() / 4)
     assert mean.z == pytest.approx((x.mean() - 4) / np.sqrt(x.var(ddof=1) / 60 + 0.5**2 / 20))  # the printed sd
     assert sd.se is not None
@@ -62,20 +62,20 @@ def test_what_is_the_same_in_every_run_has_no_z(results: Results) -> None:
     own = spread_table(fakes.material(results))
     row = own.summary["literal", "rate=0.2", "kf", "err_norm"]
     own.summary["literal", "rate=0.2", "kf", "err_norm"] = {**row, "se": 1e-15 * row["mean"]}
-    mean = tables.entries(Table(id="t", paper="table-1"), own)[0]
+    mean = entries.of(Table(id="t", paper="table-1"), own)[0]
     assert mean.z is None
     assert mean.ratio is not None
 
 
 def test_fewer_than_two_batches_have_no_range_and_times_no_z(material: Material) -> None:
-    (mean, *_) = tables.entries(Table(id="t", paper="table-1"), material)
+    (mean, *_) = entries.of(Table(id="t", paper="table-1"), material)
     assert mean.ratio is not None
     assert mean.batches is None
     timed = fakes.printed_table(
         columns=[PrintedLine(label="KF", filter="kf", metric="time_ms")],
         rows=[PrintedRow(label="x", case="rate=0.05", values=[14.0])],
     )
-    (time,) = tables.entries(Table(id="t", paper="table-1"), fakes.material(material.results, timed))
+    (time,) = entries.of(Table(id="t", paper="table-1"), fakes.material(material.results, timed))
     assert (time.ratio, time.z) == (None, None)
 
 
@@ -100,7 +100,7 @@ def test_results_beside_the_readings_of_the_scenario_are_shown_where_they_are_as
 
     def readings(**asked: list[str]) -> list[str]:
         table = Table(id="t", metric="err_norm", **asked)
-        return [each.reading for each in tables.layouts(table, tables.entries(table, switched))]
+        return [each.reading for each in tables.layouts(table, entries.of(table, switched))]
 
     assert readings() == ["literal"]
     assert readings(readings=["literal", "root"]) == ["literal", "root"]
@@ -135,7 +135,7 @@ def test_a_filter_of_which_every_run_failed_has_no_mean_and_an_infinite_median(t
 
 def test_times_say_repeats_and_stand_under_one_reading(material: Material) -> None:
     table = Table(id="t", metric="time_ms", unit="ms", filters=["kf", "hkf"])
-    sheets = tables.layouts(table, tables.entries(table, material))
+    sheets = tables.layouts(table, entries.of(table, material))
     assert [each.reading for each in sheets] == ["literal"]
     assert "over 3 repeats" in sheets[0].note
 
@@ -160,6 +160,6 @@ def test_latex_is_escaped_and_uses_booktabs(material: Material) -> None:
 
 
 def test_entries_survive_their_csv(material: Material, tmp_path: Path) -> None:
-    found = tables.entries(Table(id="t", paper="table-1"), material)
-    tables.write_entries(tmp_path / "t.csv", found)
-    assert tables.read_entries(tmp_path / "t.csv") == found
+    found = entries.of(Table(id="t", paper="table-1"), material)
+    entries.write(tmp_path / "t.csv", found)
+    assert entries.read(tmp_path / "t.csv") == found
