@@ -5,14 +5,17 @@ Everything heavy is imported inside the commands, so that `rkfbench --help` answ
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import io
 import os
 import signal
 import sys
+from typing import NoReturn
 
 from rkfbench import blas
 
+INTERRUPTED = 130  # exit code, as shells have it
 AGAIN = 0.01  # seconds, in which any destructor ends
 
 
@@ -30,9 +33,22 @@ def main() -> None:
 
         app(prog_name="rkfbench")
     except KeyboardInterrupt:
-        sys.exit(130)
+        _leave(INTERRUPTED)
+    except SystemExit as ended:
+        if ended.code == INTERRUPTED:
+            _leave(INTERRUPTED)
+        raise
     finally:  # all is said and written: a Ctrl-C while Python ends does not change the exit code any more
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _leave(code: int) -> NoReturn:
+    """End at once: what was interrupted anywhere need not be fit for the end that Python makes (it may abort)."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # a reader that has gone
+            stream.flush()
+    os._exit(code)
 
 
 def _unraisable(told: sys.UnraisableHookArgs) -> None:

@@ -13,10 +13,9 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from rkfbench.cli import INTERRUPTED
 from rkfbench.cli.terminal import Terminal
 from rkfbench.errors import RkfbenchError
-
-INTERRUPTED = 130
 
 OUTPUT: dict[str, Any] = {
     "as_json": Annotated[bool, typer.Option("--json", help="Print data as JSON.")],
