@@ -156,12 +156,10 @@ def add_diag(A: Array, d: Array) -> Array:
 
 def cholesky(A: Array) -> Array:
     """Lower L with L L' = A (n, n, M); NaN in the runs where A is not positive definite."""
-    L, rest = np.zeros_like(A), A
-    for j in range(len(A)):
-        c = rest[:, 0]
-        L[j:, j] = c = c / np.sqrt(np.where(c[0] > 0, c[0], np.nan))
-        if len(rest) > 1:
-            rest = rest[1:, 1:] - outer(c[1:], c[1:])
+    L = np.zeros_like(A)
+    for k in range(len(A)):
+        c = A[k:, k] - np.einsum("ijM,jM->iM", L[k:, :k], L[k, :k]) if k else A[:, 0]
+        np.multiply(c, 1 / np.sqrt(np.where(c[0] > 0, c[0], np.nan)), out=L[k:, k])
     return L
 
 
@@ -224,14 +222,12 @@ def condition(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array,
 
 
 def _eliminate(A: Array) -> None:
-    """Turn the rows of A = [S | B] with S = L L' into those of [L' | L^-1 B]; L' has no diagonal, and nothing below
-    it.
-    """
-    m = len(A)
+    """Turn the rows of A = [S | B] with S = L L' into those of [L' | L^-1 B]; what is left of L' stays as it was."""
     for k, row in enumerate(A):
-        row[k + 1 :] *= 1 / np.sqrt(row[k])
-        if k + 1 < m:
-            A[k + 1 :, k + 1 :] -= row[k + 1 : m, None] * row[k + 1 :]
+        rest = row[k:]
+        if k:
+            rest -= np.einsum("j...,ji...->i...", A[:k, k], A[:k, k:])
+        rest *= 1 / np.sqrt(rest[0])
 
 
 def eigh(A: Array, sweeps: int = 6) -> tuple[Array, Array]:

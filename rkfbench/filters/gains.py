@@ -48,13 +48,14 @@ def shared(model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> bo
 def steps(model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[Step]:
     """The steps k = 1..T of the Kalman filter, one after the other, from arguments that are `shared`."""
     observed = ~np.isnan(y[..., 0])
+    complete = observed.all(1).tolist()
     gains = _gains(model.F(x, 1), model.H(x, 1), P, Q, R, observed)
-    sound = positive_definite(np.concatenate([gain.prior_P for gain in gains], axis=-1))
+    sound = positive_definite(np.concatenate([gain.prior_P for gain in gains], axis=-1)).tolist()
     for k, (yk, (prior_P, S, K, P)) in enumerate(zip(y, gains, strict=True), 1):
         prior_x = model.f(x, k)
         nu = model.residual(yk, model.h(prior_x, k))
-        rows = observed[k - 1]
-        x = prior_x + K @ (nu if rows.all() else np.where(rows[:, None], nu, 0.0))
+        x = K @ (nu if complete[k - 1] else np.where(observed[k - 1, :, None], nu, 0.0))
+        x += prior_x
         if not (sound[k - 1] and finite(x)):
             x = np.where(sound[k - 1] & np.isfinite(x).all(0), x, np.nan)
         yield Step(prior_x, prior_P, x, P, {"nu": nu, "S": S})
@@ -62,11 +63,11 @@ def steps(model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Ite
 
 def _gains(F: Array, H: Array, P: Array, Q: Array, R: Array, observed: NDArray[np.bool_]) -> list[Gain]:
     """The gains of all steps, at each of which the measurement components `observed` (T, m) are there."""
-    known: dict[bytes, Gain] = {}
+    known: dict[tuple[bytes, ...], Gain] = {}
     found = []
     for k, rows in enumerate(observed):
         Qk, Rk = Q[k] if Q.ndim == 4 else Q, R[k] if R.ndim == 4 else R
-        key = b"".join(each.tobytes() for each in (P, Qk, Rk, rows))
+        key = P.tobytes(), Qk.tobytes(), Rk.tobytes(), rows.tobytes()
         gain = known.get(key) or known.setdefault(key, _gain(F, H, P, Qk, Rk, rows))
         found.append(gain)
         P = gain.P

@@ -25,7 +25,7 @@ from annotated_types import Gt
 
 from rkfbench.errors import SpecError
 from rkfbench.filters.moments import Measured, Moments
-from rkfbench.linalg import Array, cholesky, eigh, gram, mul, outer, solve, transpose
+from rkfbench.linalg import Array, cholesky, eigh, gram, mul, outer, sandwich, solve, transpose
 from rkfbench.models import Model
 
 Redraw = Annotated[
@@ -34,11 +34,10 @@ Redraw = Annotated[
 
 
 class Star(NamedTuple):
-    """A function on the star: its mean (d, M), cbar (d, M), and side by side twice its odd parts and sqrt(a) times
-    twice its even parts, (d, 2n, M).
+    """A function on the star: cbar (d, M), and side by side twice its odd parts and sqrt(a) times twice its even parts,
+    (d, 2n, M).
     """
 
-    mean: Array
     offset: Array
     parts: Array
 
@@ -75,32 +74,37 @@ class SigmaPoints:
         return Reusing(self, x, *points) if points else self
 
     def propagate(self, model: Model, x: Array, P: Array, k: int) -> tuple[Array, ...]:
-        """Mean (n, M) and covariance (n, n, M) of f(x); without `redraw` also the propagated points (n, 2n + 1, M)."""
+        """Mean (n, M) and covariance (n, n, M) of f(x); without `redraw` also the propagated points (n, 2n + 1, M).
+
+        Of an affine f all rules make f(x) and F P F' (e = h F L, c = 0), which takes no points.
+        """
+        if self.redraw and getattr(model, "affine", False):
+            return model.f(x, k), sandwich(model.F(x, k), P)
         rule = self.rule(len(x))
-        if self.redraw and getattr(model, "affine", False):  # e = h F L, c = 0
-            return model.f(x, k), gram(mul(model.F(x, k), square_root(P)))
-        points = model.f(_points(x, np.sqrt(rule.h2) * square_root(P)), k)
-        reached = _star(points, rule)
-        moments = reached.mean, _covariance(reached, reached, rule)
+        points = model.f(_points(x, square_root(P), rule), k)
+        reached = _star(points[:, 1:] - points[:, :1], rule)
+        moments = points[:, 0] + reached.offset, _covariance(reached, reached, rule)
         return moments if self.redraw else (*moments, points)
 
     def measure(self, model: Model, x: Array, P: Array, k: int) -> Measured:
         """Moments of h(x) on points drawn at x and P."""
         rule = self.rule(len(x))
-        A = np.sqrt(rule.h2) * square_root(P)
-        points = _points(x, A)
-        values = model.h(points, k)
+        L = square_root(P)
+        values = model.h(_points(x, L, rule), k)
         hx = values[:, 0]
-        seen = _star(model.residual(values, values[:, :1]), rule)
-        return Measured(hx + seen.mean, _covariance(seen, seen, rule), mul(A, transpose(seen.odd)) / (2 * rule.h2), hx)
+        seen = _star(model.residual(values[:, 1:], values[:, :1]), rule)
+        Pxz = mul(L, transpose(seen.odd))
+        Pxz /= 2 * np.sqrt(rule.h2)
+        return Measured(hx + seen.offset, _covariance(seen, seen, rule), Pxz, hx)
 
     def measure_at(self, model: Model, x: Array, points: Array, k: int) -> Measured:
         """Moments of h(x) on points (n, 2n + 1, M) that another function has moved; x is their mean."""
         rule = self.rule(len(x))
-        hx = model.h(x, k)
-        state = _star(points, rule)
-        seen = _star(model.residual(model.h(points, k), hx[:, None]), rule)
-        return Measured(hx + seen.mean, _covariance(seen, seen, rule), _covariance(state, seen, rule), hx)
+        hx, values = model.h(x, k), model.h(points, k)
+        state = _star(points[:, 1:] - points[:, :1], rule)
+        seen = _star(model.residual(values[:, 1:], values[:, :1]), rule)
+        z = hx + model.residual(values[:, 0], hx) + seen.offset
+        return Measured(z, _covariance(seen, seen, rule), _covariance(state, seen, rule), hx)
 
     def slope(self, model: Model, x: Array, P: Array, k: int) -> Array:
         """H = Pxz' P^-1, the statistical linearisation."""
@@ -188,30 +192,30 @@ def square_root(P: Array) -> Array:
     return L
 
 
-def _points(x: Array, A: Array) -> Array:
-    """x, x + a_i and x - a_i side by side, (n, 2n + 1, M)."""
+def _points(x: Array, L: Array, rule: Rule) -> Array:
+    """x, x + h l_i and x - h l_i side by side, (n, 2n + 1, M)."""
     n = len(x)
     points = np.empty((n, 2 * n + 1, x.shape[-1]))
-    points[:, 0] = x
-    np.add(x[:, None], A, out=points[:, 1 : n + 1])
-    np.subtract(x[:, None], A, out=points[:, n + 1 :])
+    centre, plus, minus = points[:, :1], points[:, 1 : n + 1], points[:, n + 1 :]
+    centre[:, 0] = x
+    np.multiply(L, np.sqrt(rule.h2), out=plus)
+    np.subtract(centre, plus, out=minus)
+    plus += centre
     return points
 
 
-def _star(values: Array, rule: Rule) -> Star:
-    """The star of a function from its values (d, 2n + 1, M) at the points."""
-    d, n, M = len(values), values.shape[1] // 2, values.shape[2]
-    centre, plus, minus = values[:, :1], values[:, 1 : n + 1], values[:, n + 1 :]
-    parts = np.empty((d, 2 * n, M))
+def _star(moves: Array, rule: Rule) -> Star:
+    """The star of a function from g(x + h l_i) - g(x) and g(x - h l_i) - g(x), side by side (d, 2n, M)."""
+    n = moves.shape[1] // 2
+    parts = np.empty_like(moves)
     odd, even = parts[:, :n], parts[:, n:]
-    np.subtract(plus, minus, out=odd)
-    np.add(plus, minus, out=even)
-    even -= 2 * centre
+    np.subtract(moves[:, :n], moves[:, n:], out=odd)
+    np.add(moves[:, :n], moves[:, n:], out=even)
     offset = even.sum(1)
     offset /= 2 * rule.h2
     if rule.a != 1:
         even *= np.sqrt(rule.a)
-    return Star(values[:, 0] + offset, offset, parts)
+    return Star(offset, parts)
 
 
 def _covariance(one: Star, other: Star, rule: Rule) -> Array:
@@ -219,5 +223,5 @@ def _covariance(one: Star, other: Star, rule: Rule) -> Array:
     C = gram(one.parts) if one is other else mul(one.parts, transpose(other.parts))
     C /= 4 * rule.h2
     if rule.b:
-        C += rule.b * outer(one.offset, other.offset)
+        C += outer(rule.b * one.offset, other.offset)
     return C

@@ -8,6 +8,7 @@ is undefined and its slope infinite.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -31,15 +32,20 @@ class Altitude(Bearing):
     affine: ClassVar[bool] = True
 
     def f(self, x: Array, k: int) -> Array:
-        return mul(self.F(x, k), x)
+        return mul(self.matrix, x)
 
     def h(self, x: Array, k: int) -> Array:
         px, py, pz, vx, vy, vz = x
         r = np.sqrt(px * px + py * py + pz * pz)
         return np.stack([self.bearing(px, py), r, pz, (px * vx + py * vy + pz * vz) / r])
 
-    def F(self, x: Array, k: int) -> Array:
+    @cached_property
+    def matrix(self) -> Array:
+        """F (6, 6)."""
         return np.kron([[1.0, self.dt], [0.0, 1.0]], np.eye(3))
+
+    def F(self, x: Array, k: int) -> Array:
+        return self.matrix
 
     def H(self, x: Array, k: int) -> Array:
         p, v = x[:3], x[3:]

@@ -56,7 +56,10 @@ class Model(Protocol):
 
 def wrap(angle: Array, period: float = 2 * np.pi) -> Array:
     """The angle in [-period/2, period/2), but for rounding at its ends; unchanged if it lies there."""
-    return angle - period * np.floor((angle + period / 2) / period)
+    half = period / 2
+    if angle.size and angle.min() >= -half and angle.max() < half:
+        return angle
+    return angle - period * np.floor((angle + half) / period)
 
 
 class Smooth:
