@@ -48,7 +48,7 @@ def shared(model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> bo
 def steps(model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[Step]:
     """The steps k = 1..T of the Kalman filter, one after the other, from arguments that are `shared`."""
     observed = ~np.isnan(y[..., 0])
-    complete = observed.all(1).tolist()
+    complete = [bool(rows.all()) for rows in observed]
     gains = _gains(model.F(x, 1), model.H(x, 1), P, Q, R, observed)
     sound = positive_definite(np.concatenate([gain.prior_P for gain in gains], axis=-1)).tolist()
     for k, (yk, (prior_P, S, K, P)) in enumerate(zip(y, gains, strict=True), 1):

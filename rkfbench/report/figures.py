@@ -26,7 +26,7 @@ Key = tuple[Any, Any]  # value of the row dimension, value of the column dimensi
 DECADES = 3  # positive values that span more are drawn on a logarithmic axis
 ROW_CHARACTERS = 24  # of a line of the name at the left of a row
 WIDTH, CAPTION_LINE, CAPTION_CHARACTERS = 7.0, 0.155, 118  # inches, inches, characters a line
-TITLE_CHARACTERS = 11  # of the title of a panel, an inch
+TITLE_CHARACTERS = 12  # of the title of a panel, an inch
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,8 @@ class Grid:
 def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = "", words: Words = PLAIN) -> Figure:
     """Draw the points of one reading (inside `style.styled()`); `caption` goes below the panels."""
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    from rkfbench.report.margins import place
 
     grid = layout(figure, points, words)
     rows, columns = grid.shape
@@ -77,14 +78,12 @@ def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = ""
     lines = textwrap.wrap(caption, CAPTION_CHARACTERS if columns > 1 else CAPTION_CHARACTERS * 5 // 7)
     width, body = size(grid)
     height = body + (0.1 + CAPTION_LINE * len(lines) if lines else 0)
-    sheet = Figure(
-        figsize=(width, height), layout=ConstrainedLayoutEngine(rect=(0, 1 - body / height, 1, body / height))
-    )
+    sheet = Figure(figsize=(width, height))
     share_y: Any = {"all": True, "row": "row", "none": False}[share]
-    axes = sheet.subplots(rows, columns, squeeze=False, sharex=True, sharey=share_y).ravel()
-    for spare in axes[len(grid.panels) :]:
+    axes = sheet.subplots(rows, columns, squeeze=False, sharex=True, sharey=share_y)
+    for spare in axes.ravel()[len(grid.panels) :]:
         spare.set_visible(False)
-    for number, (panel, ax) in enumerate(zip(grid.panels, axes, strict=False)):
+    for number, (panel, ax) in enumerate(zip(grid.panels, axes.ravel(), strict=False)):
         inside = [point for point in points if grid.holds(panel, point)]
         same_axis = points if share == "all" else inside
         _scale(ax, figure, [point for point in same_axis if point.role != "band"])
@@ -98,6 +97,7 @@ def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = ""
         if number % columns == 0:
             ax.set_ylabel("\n".join(_left_labels(figure, grid, panel, points)))
     _legend(sheet, figure.kind, grid, points, looks, width)
+    place(sheet, axes, body, style.DPI)
     if lines:
         sheet.text(0.01, 0.06 / height, "\n".join(lines), fontsize=7.5, color="#333333", va="bottom", linespacing=1.25)
     return sheet
@@ -220,4 +220,4 @@ def _legend(sheet: Figure, kind: str, grid: Grid, points: Sequence[Point], looks
     if len(handles) > 1:
         lengths = [0.6 + 0.065 * len(handle.get_label()) for handle in handles]  # inches, with the sample of the line
         fitting = len(handles) if sum(lengths) <= width else max(int(width / max(lengths)), 1)
-        sheet.legend(handles=handles, loc="outside upper left", ncols=fitting)
+        sheet.legend(handles=handles, ncols=fitting)

@@ -182,6 +182,4 @@ def _files(picture: Picture) -> tuple[bytes, bytes]:
     """A picture as PNG and PDF."""
     with style.styled():
         figure = picture.drawn()
-        png = style.png(figure)
-        figure.set_layout_engine("none")  # laid out by now; once is enough
-        return png, style.pdf(figure)
+        return style.png(figure), style.pdf(figure)
