@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -115,11 +116,22 @@ def reproduce(
 
     loaded = list(map(load_bundled, bundled()))
     studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
+    levels: dict[str, str] = {}
+
+    def compare(scenario: Any, folder: Path) -> None:
+        levels[scenario.name] = compared_with_reference(folder, scenario.name)
+
     outcomes = running.experiments(
-        terminal, studies, full=full or reference, fresh=fresh, jobs=jobs, scheduler=scheduler
+        terminal,
+        studies,
+        full=full or reference,
+        fresh=fresh,
+        jobs=jobs,
+        scheduler=scheduler,
+        then=None if reference else compare,
     )
     failed = any(outcome.failures for outcome in outcomes)
-    folders, different = [], []
+    folders = []
     for (scenario, folder), outcome in zip(studies, outcomes, strict=True):
         if outcome.failures:
             continue
@@ -127,9 +139,7 @@ def reproduce(
             folders.append(publish(folder, REFERENCE / scenario.name))
         else:
             folders.append(folder)
-            level = compared_with_reference(folder, scenario.name)
-            terminal.note(f"{scenario.name}: against results/reference: {level}")
-            different += [scenario.name] * (level == "different")
+            terminal.note(f"{scenario.name}: against results/reference: {levels[scenario.name]}")
     if folders:
         place = REFERENCE if reference else RESULTS  # the committed report stands beside its figures
         report = write_report(folders, place, of_report(folders), embedded=not reference)
@@ -138,7 +148,7 @@ def reproduce(
         terminal.note(f"report: {', '.join(map(str, report))}")
     if failed:
         raise typer.Exit(1)
-    if different:
+    if different := [name for name, level in levels.items() if level == "different"]:
         raise Different(f"different from results/reference: {', '.join(different)} (see rkfbench compare)")
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -24,8 +25,11 @@ def experiments(
     jobs: int | None,
     scheduler: str | None = None,
     goals: Sequence[Any] = (),
+    then: Callable[[Any, Path], None] | None = None,
 ) -> list[Any]:
-    """Experiments one after the other; what can be made later is made beside the next. Clocks run before all else."""
+    """Experiments one after the other; what can be made later is made beside the next, `then(scenario, folder)` of the
+    finished folder too. Clocks run before all else.
+    """
     from rkfbench.aside import Aside
     from rkfbench.errors import RkfbenchError
     from rkfbench.own.faults import told
@@ -63,6 +67,8 @@ def experiments(
                 )
             terminal.note(_summary(scenario.name, outcome))
             outcomes.append(outcome)
+            if then is not None and not outcome.failures:
+                aside(partial(then, scenario, folder))
     return outcomes
 
 

@@ -17,7 +17,7 @@ wording and on Yang's filters.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
@@ -68,8 +68,8 @@ class AdaptiveFactorFilter(ABC):
     sees: ClassVar[frozenset[str]] = recursion.SEES | {"alpha", "beta", "u_alpha", "u_beta"}
 
     @abstractmethod
-    def factors(self, sensors: Sensors, h: Array, P: Array) -> Factors:
-        """The factors of one epoch, from the prior covariance P and h (n,)."""
+    def factors(self, sensors: Sensors, h: Array, P: Array, *ahead: Array) -> Factors:
+        """The factors of one epoch, from the prior covariance P and h (n,), and what was found ahead of all epochs."""
 
     def check(self, model: Model) -> None:
         """SpecError unless the model is linear and all sensors measure the same quantity."""
@@ -82,13 +82,13 @@ class AdaptiveFactorFilter(ABC):
         """x- = F x, P- = F P F' + Q."""
         return model.f(x, k), sandwich(model.F(x, k), P) + Q
 
-    def correct(self, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *_: Array) -> Posterior:
+    def correct(self, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *ahead: Array) -> Posterior:
         """The factors of this epoch, then the weighted solution."""
         h = model.H(x, k)[0]
         nu = y - model.h(x, k)
         p = h @ mul(h[None], P)[0]
         sensors = self.sensors(Sensors(nu, np.einsum("iim->im", R), p))
-        alpha, beta, seen = self.factors(sensors, h, P)
+        alpha, beta, seen = self.factors(sensors, h, P, *ahead)
         x, P = weighted_solution(x, P, h, sensors, alpha, beta)
         alpha = alpha if alpha.shape == y.shape else np.broadcast_to(alpha, y.shape)
         return Posterior(x, P, {"nu": nu, "S": p + R, "alpha": alpha, "beta": beta, **seen})
@@ -114,7 +114,11 @@ class AdaptiveFactorFilter(ABC):
         self.check(model)
         if batched(np.asarray(R))[..., ~np.eye(len(model.measurements), dtype=bool), :].any():
             raise SpecError("adaptive-factor filters need independent sensors: a diagonal R")
-        return recursion.run(self, model, y, x0, P0, Q, R, keep)
+        return recursion.collect(self.steps(model, *recursion.prepare(model, y, x0, P0, Q, R)), keep, len(y))
+
+    def steps(self, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[recursion.Step]:
+        """The steps, one after the other, from arguments as `prepare` makes them."""
+        return recursion.steps(self, model, y, x, P, Q, R)
 
     def _measurement_factors(self, sensors: Sensors) -> tuple[Array, Array]:
         """alpha and u of (8): residuals V_i = -(nu_i - c sum nu_j/R_j) of the standard solution, over sd_i = sqrt(R_i -
@@ -170,7 +174,7 @@ class DualFactorFilter(AdaptiveFactorFilter):
         R = 1 / (1 / sensors.R).sum(0)
         return Sensors(((sensors.nu / sensors.R).sum(0) * R)[None], R[None], sensors.p)
 
-    def factors(self, sensors: Sensors, h: Array, P: Array) -> Factors:
+    def factors(self, sensors: Sensors, h: Array, P: Array, *ahead: Array) -> Factors:
         nu, R, p = sensors
         alpha, u_alpha = self._measurement_factors(sensors)
         weights = (alpha if self.order == "alpha_first" else np.ones_like(alpha)) / R
@@ -190,7 +194,7 @@ class SimplifiedDualFactorFilter(AdaptiveFactorFilter):
     mean: Annotated[Literal["nominal", "robust"], "weights of that mean: 1/R_i, or alpha_i/R_i"] = "nominal"
     states: Annotated[Literal["both", "measured"], "whether beta weakens all states, or the measured one only"] = "both"
 
-    def factors(self, sensors: Sensors, h: Array, P: Array) -> Factors:
+    def factors(self, sensors: Sensors, h: Array, P: Array, *ahead: Array) -> Factors:
         alpha, u_alpha = self._measurement_factors(sensors)
         u = simplified_residual(sensors, (alpha if self.mean == "robust" else 1.0) / sensors.R)
         beta = self._prediction_factor(u)
@@ -211,9 +215,9 @@ class RobustAdaptiveFilter(AdaptiveFactorFilter):
 
     norm: Annotated[Literal["consistent", "trace"], "what standardises the prediction residual"] = "consistent"
 
-    def factors(self, sensors: Sensors, h: Array, P: Array) -> Factors:
+    def factors(self, sensors: Sensors, h: Array, P: Array, *ahead: Array) -> Factors:
         nu, R, p = sensors
-        log_f = self._robust_weights(nu, R)
+        log_f = ahead[0] if ahead else self.robust_weights(nu, np.broadcast_to(R, nu.shape))
         share = _shares(log_f, R)
         X = (share * nu).sum(0)
         variance = np.einsum("iim->m", P) if self.norm == "trace" else p + (share**2 * R).sum(0)
@@ -222,23 +226,52 @@ class RobustAdaptiveFilter(AdaptiveFactorFilter):
         seen = {"u_alpha": np.abs(nu - X) / np.sqrt(R), "u_beta": u[None]}
         return Factors(alpha, self._prediction_factor(u), seen)
 
-    def _robust_weights(self, nu: Array, R: Array) -> Array:
-        """log f_i at the end of the iteration, which goes on only in the runs where one still changes.
+    def steps(self, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[recursion.Step]:
+        """The steps, one after the other. The robust positions depend on the measurements alone: with all sensors
+        there, those of all epochs are found at once.
+        """
+        if np.isnan(y).any():
+            return super().steps(model, y, x, P, Q, R)
+        T, m, M = y.shape
+        variances = np.broadcast_to(np.einsum("...iim->...im", R), y.shape)
+        each, its = (A.swapaxes(0, 1).reshape(m, T * M) for A in (y, variances))
+        with np.errstate(all="ignore"):
+            log_f = self.robust_weights(each, its).reshape(m, T, M).swapaxes(0, 1)
+        return recursion.steps(Ahead(self, log_f), model, y, x, P, Q, R)
+
+    def robust_weights(self, y: Array, R: Array) -> Array:
+        """log f_i of measurements, or innovations, y (m, M) with variances R (m, M) at the end of the iteration, which
+        goes on only in the runs where one still changes.
 
         The factors stay logarithms: for a large gross error both plain weights may underflow to zero.
         """
-        log_f, sd = np.zeros_like(nu), np.sqrt(R)
-        active, here, old = np.arange(nu.shape[1]), nu, log_f
+        log_f = np.zeros_like(y)
+        active, old = np.arange(y.shape[1]), log_f
         for _ in range(PASSES):
             q = np.exp(old - old.max(0)) / R
-            X = (q * here).sum(0) / q.sum(0)
-            new = log_factor((here - X) / sd, self.lambda_alpha, self.factor)
+            new = log_factor((y - (q * y).sum(0) / q.sum(0)) / np.sqrt(R), self.lambda_alpha, self.factor)
             changed = (new != old).any(0)
             log_f[:, active] = new
             if not changed.any():
                 break
-            active, here, old = active[changed], here[:, changed], new[:, changed]
+            active, y, R, old = active[changed], y[:, changed], R[:, changed], new[:, changed]
         return log_f
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """A filter that is handed in every epoch what was found ahead of all of them, (T, m, M)."""
+
+    filter: AdaptiveFactorFilter
+    found: Array
+
+    def predict(self, model: Model, x: Array, P: Array, k: int, Q: Array) -> tuple[Array, ...]:
+        """The prediction of the filter, and what was found for this epoch."""
+        return *self.filter.predict(model, x, P, k, Q), self.found[k - 1]
+
+    def correct(self, model: Model, x: Array, P: Array, y: Array, k: int, R: Array, *ahead: Array) -> Posterior:
+        """The update of the filter."""
+        return self.filter.correct(model, x, P, y, k, R, *ahead)
 
 
 def _shares(log_f: Array, R: Array) -> Array:

@@ -186,7 +186,7 @@ def _bears(path: Path, made_from: str) -> bool:
 
 def views(folders: Sequence[str | Path], place: Path) -> list[PaperView]:
     """The results folders, grouped by paper, in the order given."""
-    outcomes = [Outcome.open(folder) for folder in folders]
+    outcomes = [Outcome.open(folder, rendered=True) for folder in folders]
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         groups.setdefault(outcome.scenario.paper or outcome.scenario.name, []).append(outcome)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -68,18 +68,22 @@ class Picture:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A results folder with the scenario it came from and the paper that it belongs to."""
+    """A results folder with the scenario it came from and the paper that it belongs to.
+
+    rendered: its tables are read from where `render` has written them, which takes less time than to make them.
+    """
 
     results: Results
     scenario: Scenario
     paper: Paper | None
+    rendered: bool = False
 
     @classmethod
-    def open(cls, folder: str | Path) -> Outcome:
+    def open(cls, folder: str | Path, rendered: bool = False) -> Outcome:
         """The folder, checked against its manifest, with the scenario that is stored in it."""
         results = Results.open(folder)
-        scenario = scenarios.load(results.folder / "scenario.yaml")
-        return cls(results, scenario, scenarios.load_paper(scenario.paper) if scenario.paper else None)
+        scenario = _scenario(results.folder / "scenario.yaml", results.manifest["files"].get("scenario.yaml"))
+        return cls(results, scenario, scenarios.load_paper(scenario.paper) if scenario.paper else None, rendered)
 
     @cached_property
     def material(self) -> Material:
@@ -99,8 +103,8 @@ class Outcome:
         """Every declared table that has numbers, with its entries and sheets."""
         for table in self.scenario.tables:
             path = self.results.folder / "tables" / f"{table.id}.csv"
-            found = self._kept(path, entries.read) if entries.needs_runs(table) else None
-            found = found or entries.of(table, self.material)
+            kept = self.rendered or (entries.needs_runs(table) and not self.results.has_runs)
+            found = entries.read(path) if kept and path.exists() else entries.of(table, self.material)
             printed = self.material.printed.get(table.paper) if table.paper else None
             if printed and not table.title:
                 table = table.model_copy(update={"title": printed.title})
@@ -135,15 +139,17 @@ class Outcome:
             return Picture(figure, reading, caption(figure, curves, words), curves, [], looks, words)
         picture = Picture(figure, reading, "", [], [], looks)
         path = self.results.folder / "figures" / f"{picture.stem}.csv"
-        found = self._kept(path, read_points) if needs_runs(figure) else None
-        found = found or points(figure, self.material, reading)
+        kept = needs_runs(figure) and not self.results.has_runs and path.exists()
+        found = read_points(path) if kept else points(figure, self.material, reading)
         return Picture(
             figure, reading, caption(figure, found, self.material.words), found, [], looks, self.material.words
         )
 
-    def _kept(self, path: Path, read: Any) -> Any:
-        """What an earlier rendering wrote, where the numbers of single runs are gone."""
-        return read(path) if not self.results.has_runs and path.exists() else None
+
+@lru_cache(maxsize=32)
+def _scenario(path: Path, digest: str | None) -> Scenario:
+    """The scenario of a file of which this is the hash: rendering and report want the same one."""
+    return scenarios.load(path)
 
 
 def render(folder: str | Path, pool: Pool | None = None) -> list[Path]:

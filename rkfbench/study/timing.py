@@ -18,7 +18,7 @@ from rkfbench.streams import Streams
 
 REPEATS = 10
 FORMS = ("time_ms", "time_ns")
-SECONDS = 0.01  # of one measurement, about: its steps are scaled to all, as the cost of a step does not change
+SECONDS = 0.005  # of one measurement, about: its steps are scaled to all, as the cost of a step does not change
 LEAST = 5  # steps, however long they take
 
 

@@ -139,6 +139,21 @@ def test_trajectories_equal_those_of_the_textbook_filter(name):
         np.testing.assert_allclose(result.cov[..., i], Ps, rtol=1e-5, atol=1e-8)
 
 
+def test_the_robust_positions_of_raf_are_the_same_found_for_all_epochs_or_for_each():
+    """One missing component makes each epoch find its own."""
+    rng = np.random.default_rng(8)
+    y = 20.0 * np.arange(1, 41)[:, None, None] + rng.standard_normal((40, 2, 3)) * np.array([5.0, 1.0])[:, None]
+    y[7, 0] += 300
+    varying = np.broadcast_to(R[..., None], (40, 2, 2, 3)) * rng.uniform(0.5, 2.0, (40, 1, 1, 3))
+    for told in (R, varying):
+        ahead = filt("raf").run(CAR, y, [0, 20], P, Q=Q, R=told)
+        broken = y.copy()
+        broken[-1, 1] = np.nan
+        each = filt("raf").run(CAR, broken, [0, 20], P, Q=Q, R=told)
+        np.testing.assert_allclose(ahead.mean[:-1], each.mean[:-1], rtol=1e-9)
+        np.testing.assert_allclose(ahead.cov[:-1], each.cov[:-1], rtol=1e-8)
+
+
 @pytest.mark.parametrize(("name", "params", "twin"), [
     ("daf", {"u_cov": "inflated"}, lambda *a: oracle.daf(*a, u_cov="inflated")),
     ("sdf", {"mean": "robust"}, lambda *a: oracle.sdf(*a, mean="robust")),
