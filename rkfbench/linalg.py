@@ -226,7 +226,7 @@ def _eliminate(A: Array) -> None:
     for k, row in enumerate(A):
         rest = row[k:]
         if k:
-            rest -= np.einsum("j...,ji...->i...", A[:k, k], A[:k, k:])
+            rest -= A[:k, k] @ A[:k, k:] if A.ndim == 2 else np.einsum("jM,jiM->iM", A[:k, k], A[:k, k:])
         rest *= 1 / np.sqrt(rest[0])
 
 

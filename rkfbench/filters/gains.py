@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rkfbench.filters.recursion import Step
-from rkfbench.linalg import Array, condition, finite, plus, positive_definite, sandwich, through
+from rkfbench.linalg import Array, finite, positive_definite, sym
 from rkfbench.models import Linear, Model
 
 
@@ -68,25 +68,31 @@ def _gains(F: Array, H: Array, P: Array, Q: Array, R: Array, observed: NDArray[n
     for k, rows in enumerate(observed):
         Qk, Rk = Q[k] if Q.ndim == 4 else Q, R[k] if R.ndim == 4 else R
         key = P.tobytes(), Qk.tobytes(), Rk.tobytes(), rows.tobytes()
-        gain = known.get(key) or known.setdefault(key, _gain(F, H, P, Qk, Rk, rows))
+        gain = known.get(key) or known.setdefault(key, _gain(F, H, P[..., 0], Qk[..., 0], Rk[..., 0], rows))
         found.append(gain)
         P = gain.P
     return found
 
 
 def _gain(F: Array, H: Array, P: Array, Q: Array, R: Array, rows: NDArray[np.bool_]) -> Gain:
-    """The gain of one step."""
-    prior_P = plus(sandwich(F, P), Q)
+    """The gain of one step, from matrices without a run axis."""
+    prior_P = sym(F @ P @ F.T) + Q
     if rows.all():
-        return Gain(prior_P, *_update(H, prior_P, R))
-    there = np.ix_(rows, rows)
-    S, K = np.full_like(R, np.nan), np.zeros_like(H.T)
-    S[there], K[:, rows], P = _update(H[rows], prior_P, R[there])
-    return Gain(prior_P, S, K, P)
+        S, K, P = _update(H, prior_P, R)
+    else:
+        there = np.ix_(rows, rows)
+        S, K = np.full_like(R, np.nan), np.zeros_like(H.T)
+        S[there], K[:, rows], P = _update(H[rows], prior_P, R[there])
+    return Gain(prior_P[..., None], S[..., None], K, P[..., None])
 
 
 def _update(H: Array, P: Array, R: Array) -> tuple[Array, Array, Array]:
-    """S, K and the covariance after the update: what it makes of unit innovations are the columns of the gain."""
-    Szz, PH = through(H, P)
-    S = Szz + R
-    return S, *condition(np.zeros(PH.shape[:2]), P, PH, S, np.eye(len(H)))
+    """S, K and the covariance after the update: with L L' = S and g = P H' L'^-1 they are g L^-1 and P - g g'."""
+    PH = P @ H.T
+    S = sym(H @ PH) + R
+    try:
+        inverse = np.linalg.inv(np.linalg.cholesky(S))
+    except np.linalg.LinAlgError:  # no gain: all runs end here
+        inverse = np.full_like(S, np.nan)
+    g = PH @ inverse.T
+    return S, g @ inverse, P - g @ g.T

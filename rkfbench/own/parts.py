@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rkfbench.errors import SpecError
 from rkfbench.filters.weights import Weighted
-from rkfbench.linalg import Array
+from rkfbench.linalg import Array, mul
 from rkfbench.metrics.base import Metric, Trial
 from rkfbench.noise import Law, Sample
 from rkfbench.own.faults import PluginFault
@@ -79,9 +79,22 @@ def model(name: str, target: Any, signature: Collection[str]) -> Adapted:
             if hasattr(made, jacobian):
                 J = _tried(name, jacobian, getattr(made, jacobian), x, 1)
                 _expect(name, jacobian, J, (rows, n), (rows, n, SAMPLES))
+        if getattr(made, "affine", False):
+            _expect_affine(name, made, x)
         return made
 
     return make, ()
+
+
+def _expect_affine(name: str, model: Any, x: Array) -> None:
+    """SpecError unless f changes as F says between x and another place: filters leave out its points then."""
+    if not hasattr(model, "F"):
+        raise SpecError(f"{name} is called affine and has no F")
+    there = 2.0 - x[:, ::-1] ** 2
+    with np.errstate(all="ignore"):
+        moved, expected = model.f(there, 1) - model.f(x, 1), mul(model.F(x, 1), there - x)
+    if not np.allclose(moved, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max()):
+        raise SpecError(f"f of {name} is not F x + b, as its class says: give the class `affine = False`")
 
 
 def noise(name: str, target: Any, signature: Collection[str]) -> Adapted:

@@ -77,6 +77,7 @@ SETTINGS: dict[str, Any] = {
     "lines.linewidth": 1.3, "lines.markersize": 4.5, "lines.markeredgewidth": 0.8, "hatch.linewidth": 0.5,
     "legend.borderaxespad": 0.2, "pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "rkfbench",
 }  # fmt: skip
+UNUSED = ("GSUB", "GPOS", "GDEF", "kern")  # tables of a font
 DPI = 160
 COMPRESSION = 3  # of PNG files: 6, the usual one, takes twice as long and saves 2 %
 
@@ -166,13 +167,21 @@ def _without_unused_tables() -> Iterator[None]:
     """Embedded fonts without the tables for kerning and ligatures.
 
     In a PDF every letter has its place already, so nothing reads them; reducing them to the letters used takes longer
-    than drawing the figure. Matplotlib offers no option for this: the default of fontTools is changed for the while.
+    than drawing the figure. Matplotlib offers no option for this: it is given fonts that have none, for the while.
     """
-    from fontTools.subset import Options
+    from fontTools import subset
 
-    default = getattr(Options, "_drop_tables_default", [])
-    Options._drop_tables_default = [*default, "GSUB", "GPOS", "GDEF", "kern"]
+    load = subset.load_font
+
+    def load_font(*args: Any, **options: Any) -> Any:
+        font = load(*args, **options)
+        for tag in UNUSED:
+            if tag in font:
+                del font[tag]
+        return font
+
+    subset.load_font = load_font
     try:
         yield
     finally:
-        Options._drop_tables_default = default
+        subset.load_font = load

@@ -18,6 +18,7 @@ from annotated_types import Gt
 from helper import gain
 from rkfbench.filters import GaussianFilter
 from rkfbench.filters.base import Estimate
+from rkfbench.models.altitude import Altitude
 from rkfbench.models.base import Linear, Smooth
 
 
@@ -158,6 +159,11 @@ class Walk(Smooth):
         H = np.zeros((1, 2, *x.shape[1:]))
         H[0, 0] = 3 * x[0] ** 2
         return H
+
+
+class Turn(Altitude):
+    def f(self, x, k):
+        return super().f(x, k) + 0.1 * np.sin(x)
 
 
 class Flat(Walk):

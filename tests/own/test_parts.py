@@ -30,6 +30,7 @@ def test_a_model_is_used_like_any_other(folder):
     [
         ("plugins:Flat", r"h of plugins:Flat has shape \(3,\), expected \(1, 3\)"),
         ("plugins:Bare", "without `measurements`"),
+        ("plugins:Turn", "f of plugins:Turn is not F x . b, as its class says: give the class `affine = False`"),
         ("plugins:student", "dim: is required"),
         ("plugins.py:nothing", "no 'nothing'"),
     ],
