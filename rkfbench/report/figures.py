@@ -26,7 +26,6 @@ Key = tuple[Any, Any]  # value of the row dimension, value of the column dimensi
 DECADES = 3  # positive values that span more are drawn on a logarithmic axis
 ROW_CHARACTERS = 24  # of a line of the name at the left of a row
 WIDTH, CAPTION_LINE, CAPTION_CHARACTERS = 7.0, 0.155, 118  # inches, inches, characters a line
-TITLE_CHARACTERS = 12  # of the title of a panel, an inch
 
 
 @dataclass(frozen=True)
@@ -71,6 +70,7 @@ def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = ""
     from matplotlib.figure import Figure
 
     from rkfbench.report.margins import place
+    from rkfbench.report.ticks import plain_ticks
 
     grid = layout(figure, points, words)
     rows, columns = grid.shape
@@ -88,9 +88,8 @@ def draw(figure: Drawn, points: Sequence[Point], looks: Looks, caption: str = ""
         same_axis = points if share == "all" else inside
         _scale(ax, figure, [point for point in same_axis if point.role != "band"])
         marks.KINDS[figure.kind](ax, figure, inside, looks, words)
-        _plain_ticks(ax)
-        title = _title(grid, panel, top=number < columns)
-        ax.set_title(textwrap.fill(title, max(10, int(TITLE_CHARACTERS * width / columns))))
+        plain_ticks(ax)
+        ax.set_title(_title(grid, panel, top=number < columns))
         if number + columns >= len(grid.panels):
             ax.set_xlabel(_axis_label(figure.x, _x_name(figure, words)))
             ax.tick_params(labelbottom=True)
@@ -142,23 +141,6 @@ def _scale(ax: Axes, figure: Drawn, points: Sequence[Point]) -> None:
         ax.set_xlim(*figure.x.limits)
     elif figure.kind in ("curve", "panels", "influence"):
         ax.margins(x=0.02)
-
-
-def _plain_ticks(ax: Axes) -> None:
-    """On a logarithmic axis of few decades plain numbers, 0.5 2 10, instead of powers of ten; on one of many decades
-    no ticks between these, which nobody could tell apart and which take most of the time of drawing.
-    """
-    from matplotlib.ticker import LogFormatter, NullLocator
-
-    for axis, scale, (low, high) in (
-        (ax.xaxis, ax.get_xscale(), sorted(ax.get_xlim())),
-        (ax.yaxis, ax.get_yscale(), sorted(ax.get_ylim())),
-    ):
-        if scale == "log" and high >= 1e3 * low:
-            axis.set_minor_locator(NullLocator())
-        elif scale == "log" and low >= 1e-3 and high < 1e5:
-            axis.set_major_formatter(LogFormatter())
-            axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
 
 
 def _logarithmic(axis: Axis, values: Sequence[float]) -> bool:

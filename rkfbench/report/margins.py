@@ -7,6 +7,7 @@ title, the legend above all. Lengths are in inches.
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EDGE, GAP, PAD = 0.05, 0.12, 0.03  # of the sheet, between panels, between the labels of ticks and of their axis
+CHARACTERS = 14  # of a title, an inch
 LEAST = 0.3  # of a panel, however much is written beside it
 POINT = 1 / 72
 
@@ -35,8 +37,8 @@ class Sides(NamedTuple):
 
 
 class Written(NamedTuple):
-    """What stands beside one panel: how far its ticks' labels reach to the left, below and to the right, the extents
-    of the labels of its axes, and the height of its title.
+    """What stands beside one panel: how far its ticks' labels reach to the left, below and to the right, and the
+    extents of the labels of its axes.
     """
 
     left: float
@@ -44,14 +46,14 @@ class Written(NamedTuple):
     right: float
     x_label: float
     y_label: float
-    title: float
 
 
-NOTHING = Written(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING = Written(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def place(sheet: Figure, axes: Any, body: float, dpi: int) -> None:
-    """Fill the upper `body` of a sheet with its panels, axes (rows, columns), below the legend if there is one.
+    """Fill the upper `body` of a sheet with its panels, axes (rows, columns), below the legend if there is one. Titles
+    are wrapped to the room above their panels.
 
     Text is measured as it is drawn at the resolution `dpi`.
     """
@@ -70,9 +72,15 @@ def place(sheet: Figure, axes: Any, body: float, dpi: int) -> None:
     # how many ticks there are depends on how long an axis is: so first it is about as long as in the end
     _spread(axes, Sides(*(np.full(count, 0.3) for count in (columns, columns, rows, rows))), box)
     written = [_written(ax, renderer, dpi) if ax.get_visible() else NOTHING for ax in axes.flat]
-    left, below, right, x_label, y_label, title = np.array(written).T.reshape(-1, rows, columns)
-    sides = Sides((left + y_label).max(0) + PAD, right.max(0), title.max(1), (below + x_label).max(1) + PAD)
-    wide, high = _spread(axes, sides, box)
+    left, below, right, x_label, y_label = np.array(written).T.reshape(-1, rows, columns)
+    beside = Sides((left + y_label).max(0) + PAD, right.max(0), np.zeros(rows), (below + x_label).max(1) + PAD)
+    wide, _ = _spread(axes, beside, box)
+    for (_, column), ax in np.ndenumerate(axes):
+        last = column + 1 == columns
+        room = wide + (beside.right[column] if last else GAP + beside.left[column + 1] / 2)
+        ax.set_title(textwrap.fill(ax.get_title("left"), max(8, int(CHARACTERS * room))))
+    heights = np.array([_title(ax) for ax in axes.flat]).reshape(axes.shape)
+    _, high = _spread(axes, beside._replace(above=heights.max(1)), box)
     for (row, column), ax in np.ndenumerate(axes):
         ax.xaxis.set_label_coords(0.5, -(below[row, column] + PAD) / high)
         ax.yaxis.set_label_coords(-(left[:, column].max() + PAD) / wide, 0.5)  # those of a column in one line
@@ -84,7 +92,7 @@ def _written(ax: Axes, renderer: Any, dpi: int) -> Written:
     inside, x, y = ax.get_window_extent(renderer), _ticks(ax.xaxis, renderer), _ticks(ax.yaxis, renderer)
     x_label, y_label = (axis.label.get_window_extent(renderer) for axis in (ax.xaxis, ax.yaxis))
     left, below, right = (max(0.0, to) / dpi for to in (inside.x0 - y.x0, inside.y0 - x.y0, x.x1 - inside.x1))
-    return Written(left, below, right, x_label.height / dpi, y_label.width / dpi, _title(ax))
+    return Written(left, below, right, x_label.height / dpi, y_label.width / dpi)
 
 
 def _spread(axes: Any, sides: Sides, box: tuple[float, float, float, float]) -> tuple[float, float]:

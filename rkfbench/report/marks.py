@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ Looks = Mapping[str, Look]
 HUGE = 1e100  # larger values cannot be drawn to scale and count as infinite, their inverses as 0
 BESIDE: dict[str, Any] = {"linestyle": style.DOTTED, "marker": "", "linewidth": 1.0}
 PATH: dict[str, Any] = {"linestyle": style.SOLID, "marker": "", "linewidth": 0.5}  # a single run: too rough for dashes
+CHARACTERS = 15  # of the name of a group of bars, an inch
 BEFORE = (0.18, 0.03)  # where marks stand at the left of the steps, in ranges of these
 PRINTED: dict[str, Any] = {
     "linestyle": "",
@@ -142,7 +144,9 @@ def _bars(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: W
                 ax.bar(x, _finite(y), width * 0.92, **bar_style(look, order))
             _bars_of_error(ax, x, y, low, high, Look("#222222", ""))
             _arrows(ax, x, y, look)
-    ax.set_xticks(range(len(cases)), [words.case(case) or "all" for case in cases])
+    room = ax.get_window_extent().width / ax.figure.get_dpi() / len(cases)  # inches for a group
+    names = [textwrap.fill(words.case(case) or "all", max(8, int(CHARACTERS * room))) for case in cases]
+    ax.set_xticks(range(len(cases)), names)
     ax.grid(visible=False, axis="x")
 
 
