@@ -110,16 +110,19 @@ def reproduce(
     from rkfbench.derived import of_report
     from rkfbench.errors import Different
     from rkfbench.judge import sentences
-    from rkfbench.report.page import write_report
+    from rkfbench.report.page import ScenarioView, write_report
     from rkfbench.reproduce import REFERENCE, RESULTS, compared_with_reference, publish, reference_study
     from rkfbench.scenario import bundled, load_bundled
 
     loaded = list(map(load_bundled, bundled()))
     studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
     levels: dict[str, str] = {}
+    ready: dict[str | Path, ScenarioView] = {}
 
-    def compare(scenario: Any, folder: Path) -> None:
+    def look(scenario: Any, folder: Path, outcome: Any) -> None:
         levels[scenario.name] = compared_with_reference(folder, scenario.name)
+        if outcome.changed:  # so the report changes, too
+            ready[folder] = ScenarioView.of(folder, RESULTS).ahead()
 
     outcomes = running.experiments(
         terminal,
@@ -128,7 +131,7 @@ def reproduce(
         fresh=fresh,
         jobs=jobs,
         scheduler=scheduler,
-        then=None if reference else compare,
+        then=None if reference else look,
     )
     failed = any(outcome.failures for outcome in outcomes)
     folders = []
@@ -142,7 +145,7 @@ def reproduce(
             terminal.note(f"{scenario.name}: against results/reference: {levels[scenario.name]}")
     if folders:
         place = REFERENCE if reference else RESULTS  # the committed report stands beside its figures
-        report = write_report(folders, place, of_report(folders), embedded=not reference)
+        report = write_report(folders, place, of_report(folders), embedded=not reference, ready=ready)
         rows = [{"paper": paper, "reading": reading, "claims": text} for paper, reading, text in sentences(folders)]
         terminal.records(rows, ["paper", "reading", "claims"])
         terminal.note(f"report: {', '.join(map(str, report))}")

@@ -25,10 +25,10 @@ def experiments(
     jobs: int | None,
     scheduler: str | None = None,
     goals: Sequence[Any] = (),
-    then: Callable[[Any, Path], None] | None = None,
+    then: Callable[[Any, Path, Any], None] | None = None,
 ) -> list[Any]:
-    """Experiments one after the other; what can be made later is made beside the next, `then(scenario, folder)` of the
-    finished folder too. Clocks run before all else.
+    """Experiments one after the other; what can be made later is made beside the next, `then(scenario, folder,
+    outcome)` of the finished folder too. Clocks run before all else.
     """
     from rkfbench.aside import Aside
     from rkfbench.errors import RkfbenchError
@@ -68,7 +68,7 @@ def experiments(
             terminal.note(_summary(scenario.name, outcome))
             outcomes.append(outcome)
             if then is not None and not outcome.failures:
-                aside(partial(then, scenario, folder))
+                aside(partial(then, scenario, folder, outcome))
     return outcomes
 
 

@@ -57,7 +57,7 @@ class Model(Protocol):
 def wrap(angle: Array, period: float = 2 * np.pi) -> Array:
     """The angle in [-period/2, period/2), but for rounding at its ends; unchanged if it lies there."""
     half = period / 2
-    if angle.size and angle.min() >= -half and angle.max() < half:
+    if angle.size and angle.min() >= -half and angle.max() < half * (1 - 1e-15):  # as below, to the last bit
         return angle
     return angle - period * np.floor((angle + half) / period)
 

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rkfbench.errors import UsageError
@@ -28,6 +29,7 @@ from rkfbench.store import files, manifest
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+NONE: Mapping[Any, Any] = MappingProxyType({})
 PIXELS = 96  # of the page to an inch of a figure
 
 
@@ -57,6 +59,16 @@ class ScenarioView:
     @property
     def name(self) -> str:
         return self.outcome.scenario.name
+
+    @classmethod
+    def of(cls, folder: str | Path, place: Path) -> ScenarioView:
+        """The results folder on a page in the folder `place`."""
+        return cls(Outcome.open(folder, rendered=True), place)
+
+    def ahead(self) -> ScenarioView:
+        """The view with everything read that takes time."""
+        _ = self.tables, self.figures, self.outcome.material.own_readings
+        return self
 
     @cached_property
     def tables(self) -> list[tuple[Table, list[tables.Sheet]]]:
@@ -150,18 +162,22 @@ class PaperView:
 
 
 def write_report(
-    folders: Sequence[str | Path], out: str | Path, made_from: str = "", embedded: bool = True
+    folders: Sequence[str | Path],
+    out: str | Path,
+    made_from: str = "",
+    embedded: bool = True,
+    ready: Mapping[str | Path, ScenarioView] = NONE,
 ) -> list[Path]:
     """Write report.html and report.md into `out` for these results folders; a results folder is sealed again.
 
     made_from: a digest of all that goes into them; what bears its stamp is left as it is. embedded: the figures stand
-    in the page, which can go anywhere by itself; else it refers to their files.
+    in the page, which can go anywhere by itself; else it refers to their files. ready: views that are there already.
     """
     place = Path(out)
     paths = [place / "report.html", place / "report.md"]
     if made_from and all(_bears(path, made_from) for path in paths):
         return paths
-    papers = views(folders, place)
+    papers = views(folders, place, ready)
     page = environment()
     for path in paths:
         text = page.get_template(f"{path.name}.j2").render(papers=papers, embedded=embedded).strip() + "\n"
@@ -184,13 +200,15 @@ def _bears(path: Path, made_from: str) -> bool:
     return mark + rest == _stamp(text, made_from)
 
 
-def views(folders: Sequence[str | Path], place: Path) -> list[PaperView]:
+def views(
+    folders: Sequence[str | Path], place: Path, ready: Mapping[str | Path, ScenarioView] = NONE
+) -> list[PaperView]:
     """The results folders, grouped by paper, in the order given."""
-    outcomes = [Outcome.open(folder, rendered=True) for folder in folders]
-    groups: dict[str, list[Outcome]] = {}
-    for outcome in outcomes:
-        groups.setdefault(outcome.scenario.paper or outcome.scenario.name, []).append(outcome)
-    return [_paper_view(key, group, place) for key, group in groups.items()]
+    groups: dict[str, list[ScenarioView]] = {}
+    for folder in folders:
+        view = ready.get(folder) or ScenarioView.of(folder, place)
+        groups.setdefault(view.outcome.scenario.paper or view.name, []).append(view)
+    return [_paper_view(key, group) for key, group in groups.items()]
 
 
 def environment() -> Environment:
@@ -224,7 +242,8 @@ def plain(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _paper_view(key: str, outcomes: Sequence[Outcome], place: Path) -> PaperView:
+def _paper_view(key: str, scenarios: list[ScenarioView]) -> PaperView:
+    outcomes = [each.outcome for each in scenarios]
     paper = outcomes[0].paper
     first = outcomes[0].scenario
     rows = [row for outcome in outcomes for row in outcome.results.claims]
@@ -236,7 +255,7 @@ def _paper_view(key: str, outcomes: Sequence[Outcome], place: Path) -> PaperView
     cite = paper.cite if paper else first.citation.cite if first.citation else ""
     doi = (paper.doi if paper else first.citation.doi if first.citation else None) or ""
     title = (paper.title if paper else first.title) or key
-    return PaperView(key, title, cite, doi, claims, [ScenarioView(each, place) for each in outcomes], readings)
+    return PaperView(key, title, cite, doi, claims, scenarios, readings)
 
 
 def _overrides(section: Any) -> list[tuple[str, list[tuple[str, str]]]]:
