@@ -222,11 +222,17 @@ def condition(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array,
 
 
 def _eliminate(A: Array) -> None:
-    """Turn the rows of A = [S | B] with S = L L' into those of [L' | L^-1 B]; what is left of L' stays as it was."""
+    """Turn the rows of A = [S | B] with S = L L' into those of [L' | L^-1 B]; what is left of L' stays as it was.
+
+    No product of matrices even where A is one: how that rounds would depend on the number of its columns.
+    """
     for k, row in enumerate(A):
         rest = row[k:]
-        if k:
-            rest -= A[:k, k] @ A[:k, k:] if A.ndim == 2 else np.einsum("jM,jiM->iM", A[:k, k], A[:k, k:])
+        if A.ndim == 2:
+            for above in A[:k]:
+                rest -= above[k] * above[k:]
+        elif k:
+            rest -= np.einsum("jM,jiM->iM", A[:k, k], A[:k, k:])
         rest *= 1 / np.sqrt(rest[0])
 
 
