@@ -6,6 +6,7 @@ along: its jobs go to another one. Needs the extra `rkfbench[dask]`.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Generator, Sequence
 from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
@@ -109,4 +110,6 @@ def _distributed() -> Any:
         import distributed
     except ImportError as error:
         raise UsageError("--scheduler needs dask: pip install 'rkfbench[dask]'") from error
+    # a call that Ctrl-C interrupts leaves a callback behind, whose failure would be told with a traceback
+    logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
     return distributed
