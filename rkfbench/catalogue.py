@@ -30,6 +30,7 @@ from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from rkfbench.errors import Path, SpecError, did_you_mean, nearest
+from rkfbench.interrupts import held
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
@@ -103,7 +104,8 @@ def parameter_model(make: Callable[..., Any]) -> type[BaseModel]:
         for name, each in parameters(make).items()
     }
     config = ConfigDict(extra="forbid", strict=True, arbitrary_types_allowed=True, protected_namespaces=())
-    return create_model(make.__name__, __config__=config, **fields)
+    with held():
+        return create_model(make.__name__, __config__=config, **fields)
 
 
 class Catalogue(dict[str, Entry]):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Self, TypeVar
 
 from rkfbench import blas
 from rkfbench.errors import RkfbenchError
+from rkfbench.interrupts import held
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -121,21 +122,13 @@ def interrupts_held() -> Iterator[None]:
     from multiprocessing import resource_tracker
 
     resource_tracker.ensure_running()  # its start, which the first process would be the occasion for, unblocks signals
-    came: list[int] = []
-    main = threading.current_thread() is threading.main_thread()
     # Another thread may take the signal: so Python's answer waits too. It goes first, and last: nothing raises between.
-    answer = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if main else None
-    try:
+    with held():
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
             yield
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-    finally:
-        if main:
-            signal.signal(signal.SIGINT, answer or signal.SIG_DFL)
-        if came:
-            signal.raise_signal(signal.SIGINT)
 
 
 def _serve() -> None:

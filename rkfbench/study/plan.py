@@ -29,6 +29,7 @@ COMPUTE = (
         "blas.py",
         "catalogue.py",
         "experiment.py",
+        "interrupts.py",
         "linalg.py",
         "own",
         "parts.py",
