@@ -224,7 +224,7 @@ def condition(x: Array, P: Array, C: Array, S: Array, nu: Array) -> tuple[Array,
 def _eliminate(A: Array) -> None:
     """Turn the rows of A = [S | B] with S = L L' into those of [L' | L^-1 B]; what is left of L' stays as it was.
 
-    No product of matrices even where A is one: how that rounds would depend on the number of its columns.
+    Where A is one matrix, row after row: a row times a matrix by BLAS rounds by the number of columns.
     """
     for k, row in enumerate(A):
         rest = row[k:]
