@@ -9,18 +9,17 @@ import contextlib
 import gc
 import io
 import os
-import signal
 import sys
 from typing import NoReturn
 
-from rkfbench import blas
+from rkfbench import blas, interrupts
 
 INTERRUPTED = 130  # exit code, as shells have it
-AGAIN = 0.01  # seconds, in which any destructor ends
 
 
 def main() -> None:
     """Entry point of the command."""
+    interrupts.insist()
     gc.set_threshold(100_000)  # modules and tables stay: looking for garbage among them takes a tenth of the start
     blas.one_thread()
     sys.unraisablehook = _unraisable
@@ -35,16 +34,16 @@ def main() -> None:
     except KeyboardInterrupt:
         _leave(INTERRUPTED)
     except SystemExit as ended:
-        if ended.code == INTERRUPTED:
+        if ended.code and interrupts.came():
             _leave(INTERRUPTED)
         raise
     finally:  # all is said and written: a Ctrl-C while Python ends does not change the exit code any more
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        interrupts.ignore()
 
 
 def _leave(code: int) -> NoReturn:
     """End at once: what was interrupted anywhere need not be fit for the end that Python makes (it may abort)."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    interrupts.ignore()
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):  # a reader that has gone
             stream.flush()
@@ -52,11 +51,6 @@ def _leave(code: int) -> NoReturn:
 
 
 def _unraisable(told: sys.UnraisableHookArgs) -> None:
-    """A Ctrl-C that met a destructor or a callback, from where nothing can be raised, comes again a moment later."""
-    if told.exc_type is KeyboardInterrupt:
-        import threading
-
-        main = threading.main_thread().ident
-        threading.Timer(AGAIN, signal.pthread_kill, (main, signal.SIGINT)).start()
-    else:
+    """A Ctrl-C that met a destructor or a callback, from where nothing can be raised, needs no word: it comes again."""
+    if told.exc_type is not KeyboardInterrupt:
         sys.__unraisablehook__(told)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -13,6 +12,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from rkfbench import interrupts
 from rkfbench.cli import INTERRUPTED
 from rkfbench.cli.terminal import Terminal
 from rkfbench.errors import RkfbenchError
@@ -43,12 +43,12 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         except BrokenPipeError:  # the reader of a pipe (head, less) went away: nothing to tell
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(0) from None
-        except KeyboardInterrupt:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would only interrupt the answer to the first
-            kept = f"; {terminal.activity}" if terminal.activity else ""
-            terminal.error(f"interrupted{kept}: the same command goes on from there")
-            raise typer.Exit(INTERRUPTED) from None
-        except Exception as error:
+        except (Exception, KeyboardInterrupt) as error:
+            if interrupts.came() or isinstance(error, KeyboardInterrupt):  # some libraries make another error of it
+                interrupts.ignore()  # a second one would only interrupt the answer to the first
+                kept = f"; {terminal.activity}" if terminal.activity else ""
+                terminal.error(f"interrupted{kept}: the same command goes on from there")
+                raise typer.Exit(INTERRUPTED) from None
             if verbose:
                 terminal.error(traceback.format_exc())
             elif isinstance(error, RkfbenchError):

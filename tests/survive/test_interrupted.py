@@ -7,6 +7,7 @@ import random
 import signal
 import subprocess
 import sys
+import textwrap
 import time
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 
 from tests.survive.conftest import Whole
-from tests.survive.study import ROOT, Study, ended, goes_on, is_whole
+from tests.survive.study import ROOT, Ended, Study, ended, goes_on, is_whole
 
 INTERRUPTS = 20
 LAST_LINE = "the same command goes on from there"
@@ -57,38 +58,99 @@ def test_a_second_ctrl_c_changes_nothing(study: Study, whole: dict[str, bytes]) 
     goes_on(study, whole)
 
 
-def test_ctrl_c_while_the_command_is_still_being_imported() -> None:
-    code = """
-import sys, rkfbench.cli, rkfbench.cli.commands
-def app(prog_name):
-    print("said")
-    raise KeyboardInterrupt
-rkfbench.cli.commands.app = app
-rkfbench.cli.main()
-"""
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "said\n", "")
-
-
-def test_ctrl_c_in_a_destructor_is_not_lost() -> None:
-    """Python can only report what a destructor raises: of a run, the message was all that came of the Ctrl-C."""
-    code = """
-import os, signal, sys, time, rkfbench.cli, rkfbench.cli.commands
-class Closing:
-    def __del__(self):
-        os.kill(os.getpid(), signal.SIGINT)
-        for _ in range(1000):
-            pass
-def app(prog_name):
-    Closing()
-    time.sleep(30)
-    print("went on")
+def commanded(body: str) -> Ended:
+    """The command with something else in the place of its app: `interrupt()` is a Ctrl-C."""
+    code = f"""
+import contextlib, os, signal, sys, time, rkfbench.cli, rkfbench.cli.commands
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(1000):
+        pass
+{textwrap.dedent(body)}
 rkfbench.cli.commands.app = app
 rkfbench.cli.main()
 """
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=25)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+    return Ended(done.returncode, done.stdout, done.stderr)
+
+
+def test_ctrl_c_while_the_command_is_still_being_imported() -> None:
+    done = commanded("""
+        def app(prog_name):
+            print("said")
+            raise KeyboardInterrupt
+        """)
+    assert done == Ended(130, "said\n", "")
+
+
+def test_ctrl_c_in_a_destructor_is_not_lost() -> None:
+    """Python can only report what a destructor raises: of a run, the message was all that came of the Ctrl-C."""
+    done = commanded("""
+        class Closing:
+            def __del__(self):
+                interrupt()
+        def app(prog_name):
+            Closing()
+            time.sleep(30)
+            print("went on")
+        """)
+    assert done == Ended(130, "", "")
+
+
+def test_ctrl_c_that_something_swallows_comes_again() -> None:
+    done = commanded("""
+        def app(prog_name):
+            with contextlib.suppress(BaseException):
+                interrupt()
+            print("swallowed")
+            time.sleep(30)
+            print("went on")
+        """)
+    assert done == Ended(130, "swallowed\n", "")
+
+
+def test_ctrl_c_that_becomes_another_error_is_still_one() -> None:
+    done = commanded("""
+        from rkfbench.cli.commands import command, typer
+        app = typer.Typer()
+        @app.command()
+        @command
+        def swallowing(terminal):
+            try:
+                interrupt()
+            except KeyboardInterrupt:
+                raise ValueError("wrong type") from None
+        """)
+    assert done == Ended(130, "", f"interrupted: {LAST_LINE}\n")
+
+
+def test_what_answers_a_ctrl_c_is_not_interrupted() -> None:
+    """By the one that comes again, or by an impatient user, also where an error of its own is handled there."""
+    done = commanded("""
+        def app(prog_name):
+            try:
+                interrupt()
+            finally:
+                try:
+                    raise FileNotFoundError
+                except FileNotFoundError:
+                    time.sleep(0.2)
+                interrupt()
+                print("cleaned")
+        """)
+    assert done == Ended(130, "cleaned\n", "")
+
+
+def test_ctrl_c_ignored_from_outside_stays_ignored() -> None:
+    done = commanded("""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        def app(prog_name):
+            interrupt()
+            time.sleep(0.2)
+            print("went on")
+        """)
+    assert done == Ended(0, "went on\n", "")
 
 
 class Interrupting:
