@@ -15,7 +15,11 @@ from rkfbench.streams import Onward
 
 
 class Cloud:
-    """The particles of one group of runs: x (n, M, N) with log weights (M, N), and the copies of x_j from step j on."""
+    """The particles of some runs: x (n, M, N) with log weights (M, N), and the copies of x_j from step j on.
+
+    `draw` is as wide as the particles of the runs of one case. With more runs than that, these are those of several
+    cases, one case after the other, and what is drawn serves every case.
+    """
 
     def __init__(
         self,
@@ -30,20 +34,27 @@ class Cloud:
     ) -> None:
         self.model, self.process, self.measurement, self.draw = model, process, measurement, draw
         n, M = mean.shape
+        self.runs = draw.runs // particles
         self.particles, self.threshold = particles, ess * particles
-        self.x = mean[..., None] + (L0 @ draw.normal("start", n)).reshape(n, M, particles)
+        self.x = self._moved(np.repeat(mean[..., None], particles, axis=-1), L0 @ draw.normal("start", n))
         self.copy: Array | None = None
         self.log = np.zeros((M, particles))
         self.weights = np.full((M, particles), 1 / particles)
         self.size = np.full(M, float(particles))
         self.dead = np.zeros(M, dtype=bool)
-        self.offset = Onward(draw.seed, draw.first, 1, draw.scope, M)
+        self.offset = Onward(draw.seed, draw.first, 1, draw.scope, self.runs)
 
     def predict(self, k: int) -> None:
         """Move every particle with noise of its own."""
         w = self.process.sample(self.draw.within("process"), 1).value
-        self.x = self.model.f(self.x, k)
-        self.x += w.reshape(self.x.shape)
+        self.x = self._moved(self.model.f(self.x, k), w)
+
+    def _moved(self, x: Array, noise: Array) -> Array:
+        """x + noise; the particles of every case meet the same."""
+        x = np.ascontiguousarray(x)
+        cases = x.reshape(len(x), -1, self.runs, self.particles)
+        cases += noise.reshape(len(x), 1, self.runs, self.particles)
+        return x
 
     def remember(self) -> None:
         """Copy x_j."""
@@ -107,7 +118,7 @@ class Cloud:
         M, N = self.log.shape
         upto = np.cumsum(self.weights, axis=-1)
         upto *= N
-        upto -= u[:, None]
+        upto -= np.tile(u, M // self.runs)[:, None]
         np.minimum(np.ceil(upto, out=upto), N, out=upto)
         upto[:, -1] = N
         upto[~low] = np.arange(1, N + 1)  # every particle once

@@ -89,7 +89,11 @@ class ParticleFilter:
         known: Known | None = None,
         streams: Streams | None = None,
     ) -> Estimate:
-        """The weighted means; see `rkfbench.filters.base.Filter`."""
+        """The weighted means; see `rkfbench.filters.base.Filter`.
+
+        More runs than the streams have are those of several cases, one case after the other: all cases meet the same
+        draws, as they would one by one. Raises SpecError when they are not as many.
+        """
         estimates = []
         for cloud, yg in self.clouds(model, y, x0, P0, Q, R, streams):
             history = History(keep, len(yg))
@@ -101,7 +105,7 @@ class ParticleFilter:
                     history.add(ess=cloud.size[None], **prior, **cloud.moments({"mean", "cov"} & {"mean", *keep}))
                     cloud.resample()
             estimates.append(history.estimate(failed=cloud.dead))
-        return _joined(estimates, y.shape[2])
+        return _joined(estimates, np.atleast_3d(y).shape[2], streams)
 
     def clouds(
         self, model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, streams: Streams | None
@@ -114,16 +118,17 @@ class ParticleFilter:
         streams = (streams or Streams(0, groups=-(-M // GROUP))).within("particles")
         process = self.process or Gaussian.of(Q[..., 0])
         measurement = self.measurement if self.measurement and self.likelihood == "law" else Gaussian.of(R[..., 0])
-        wanted = M if self.only is None else min(M, self.only)
+        of_a_case = _of_a_case(M, streams)
+        wanted = of_a_case if self.only is None else min(of_a_case, self.only)
         for start in (first + i for first in range(0, wanted, GROUP) for i in range(0, GROUP, TOGETHER)):
             if start >= wanted:
                 break
-            runs = slice(start, min(start + TOGETHER, start - start % GROUP + GROUP, M))
-            mean = x0[:, runs]
+            end = min(start + TOGETHER, start - start % GROUP + GROUP, of_a_case)
+            runs = np.concatenate([np.arange(start, end) + case for case in range(0, M, of_a_case)])
             scope, group = f"{streams.scope}{start % GROUP}/", streams.first + start // GROUP
-            draw = Onward(streams.seed, group, 1, scope, mean.shape[1] * self.particles)
+            draw = Onward(streams.seed, group, 1, scope, (end - start) * self.particles)
             yield (
-                Cloud(model, process, measurement, draw, mean, factor(P0[..., 0]), self.particles, self.ess),
+                Cloud(model, process, measurement, draw, x0[:, runs], factor(P0[..., 0]), self.particles, self.ess),
                 y[..., runs],
             )
 
@@ -203,7 +208,7 @@ class ParticleSmoother:
             extras = {name: value[None] for name, value in own.items()}
             on_the_way = passed.estimate(cloud.dead) if "passed" in keep else None
             estimates.append(replace(estimate, target=at, extras={**estimate.extras, **extras}, passed=on_the_way))
-        return _joined(estimates, y.shape[2])
+        return _joined(estimates, np.atleast_3d(y).shape[2], streams)
 
 
 def pf(particles: Particles = 500, likelihood: Likelihood = "law", ess: Ess = 0.5) -> ParticleFilter:
@@ -235,21 +240,31 @@ def check_density(law: Law | None) -> None:
         )
 
 
-def _joined(estimates: Sequence[Estimate], M: int) -> Estimate:
-    """The estimates of all groups, side by side; runs that nobody wants, up to M, are NaN and failed."""
-    first = estimates[0]
+def _of_a_case(M: int, streams: Streams | None) -> int:
+    """How many of M runs are those of one case: as many as there are streams for."""
+    runs = M if streams is None else min(M, streams.runs)
+    if M % runs:
+        raise SpecError(f"{M} runs are not those of several cases: there are streams for {runs}")
+    return runs
+
+
+def _joined(estimates: Sequence[Estimate], M: int, streams: Streams | None) -> Estimate:
+    """The estimates of all groups, side by side; runs that nobody wants are NaN and failed."""
+    first, runs = estimates[0], _of_a_case(M, streams)
+
+    def beside(arrays: Sequence[NDArray[Any]], fill: float | bool = np.nan) -> NDArray[Any]:
+        """Arrays (..., some runs of every case) as one (..., M), case after case."""
+        of_cases = [A.reshape(*A.shape[:-1], M // runs, -1) for A in arrays]
+        left = runs - sum(A.shape[-1] for A in of_cases)
+        rest = np.full((*of_cases[0].shape[:-1], left), fill)
+        return np.concatenate([*of_cases, rest], axis=-1).reshape(*arrays[0].shape[:-1], M)
+
     passed = [each.passed for each in estimates if each.passed is not None]
     return Estimate(
-        _beside([each.mean for each in estimates], M),
-        None if first.cov is None else _beside([each.cov for each in estimates if each.cov is not None], M),
-        _beside([each.failed for each in estimates], M, fill=True),
-        {name: _beside([each.extras[name] for each in estimates], M) for name in first.extras},
+        beside([each.mean for each in estimates]),
+        None if first.cov is None else beside([each.cov for each in estimates if each.cov is not None]),
+        beside([each.failed for each in estimates], fill=True),
+        {name: beside([each.extras[name] for each in estimates]) for name in first.extras},
         first.target,
-        _joined(passed, M) if passed else None,
+        _joined(passed, M, streams) if passed else None,
     )
-
-
-def _beside(arrays: Sequence[NDArray[Any]], M: int, fill: float | bool = np.nan) -> NDArray[Any]:
-    """Arrays (..., runs) side by side, filled up to M runs."""
-    left = M - sum(A.shape[-1] for A in arrays)
-    return np.concatenate([*arrays, np.full((*arrays[0].shape[:-1], left), fill)], axis=-1)

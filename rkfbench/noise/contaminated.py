@@ -82,6 +82,11 @@ class Contaminated:
             total = np.logaddexp(total, weight + clean + dirty)
         return total
 
+    def marginal(self, rows: Array) -> Contaminated:
+        """The law of some components, where body and outliers have one: their coins stay as they are."""
+        body, outliers = self.body.marginal(rows), self.outliers.marginal(rows)
+        return Contaminated(self.rate, body, outliers, self.joint)
+
 
 def _marginal_logpdf(law: Any, e: Array, rows: Array) -> Array | float:
     if not len(rows):

@@ -24,7 +24,7 @@ from rkfbench.streams import GROUP, Remembered, Streams
 from rkfbench.study.blocks import block_size
 from rkfbench.study.wide import Case, estimates, worlds
 
-SPARING = (OneByOne, ParticleFilter, ParticleSmoother)  # they can leave out the last runs of a batch
+PORTIONED = (OneByOne, ParticleFilter, ParticleSmoother)  # they take a few runs at a time, and can leave out the last
 
 
 @dataclass(frozen=True)
@@ -87,10 +87,16 @@ def together(
 def _narrowed(experiment: Experiment, runs: int) -> Experiment:
     """The experiment whose filters that take the runs in small portions leave out those that nobody wants."""
     filters = {
-        label: (filt.first(runs) if isinstance(filt, SPARING) else filt, told)
+        label: (filt.first(runs) if isinstance(filt, PORTIONED) else filt, told)
         for label, (filt, told) in experiment.filters.items()
     }
     return replace(experiment, filters=filters)
+
+
+def portioned(spec: Mapping[str, Any], labels: Sequence[str]) -> bool:
+    """Whether one of these filters takes a few runs at a time: then it costs as much for each run in any batch."""
+    experiment = Experiment.of(spec)
+    return any(isinstance(experiment.filters[label][0], PORTIONED) for label in labels)
 
 
 def sharing(spec: Mapping[str, Any], labels: Sequence[str], partners: bool = True) -> list[tuple[str, ...]]:

@@ -68,13 +68,19 @@ def _related(job: Job, count: int) -> Iterator[Job]:
 
 
 def _filters(job: Job, count: int, partners: bool) -> Iterator[Job]:
-    """Filters apart; those that take one case after the other anyhow, often the dearest, with their cases apart."""
-    from rkfbench.study.compute import sharing
+    """Filters apart. Those that take a few runs at a time, often the dearest, are not mixed with others: their cases
+    together save some of the work, but keep fewer cores busy. Neither are those that take one case after the other
+    anyhow, and their cases are apart, too.
+    """
+    from rkfbench.study.compute import portioned, sharing
     from rkfbench.study.wide import apart
 
     groups = sharing(job.specs[0], job.labels, partners)
     single = [group for group in groups if len(job.units) > 1 and apart(job.specs[0], group)]
-    for some in _spread([group for group in groups if group not in single], count):
+    dear = [group for group in groups if group not in single and portioned(job.specs[0], group)]
+    for group in dear:
+        yield from _cases(job.of_labels(*group), max(1, count // 2))
+    for some in _spread([group for group in groups if group not in single and group not in dear], count):
         yield job.of_labels(*(label for group in some for label in group))
     if single:
         yield from _cases(job.of_labels(*(label for group in single for label in group)), count)

@@ -18,7 +18,6 @@ from rkfbench.filters import Estimate
 from rkfbench.filters.baselines import BayesGrid
 from rkfbench.filters.estimates import Estimates
 from rkfbench.filters.flow import Flow
-from rkfbench.filters.particle import ParticleFilter, ParticleSmoother
 from rkfbench.filters.references import Clairvoyant, Rejecting, Truth
 from rkfbench.linalg import Array
 from rkfbench.streams import Streams
@@ -26,8 +25,8 @@ from rkfbench.streams import Streams
 # What cells that are computed together may differ in: all that is about the truth and not about the filters.
 OF_THE_TRUTH = ("truth", "start", "process_noise", "measurement_noise", "disturbances", "lost")
 
-# They look at more than the measurements, or take the runs in small portions anyhow.
-APART = (ParticleFilter, ParticleSmoother, Clairvoyant, Rejecting, Truth, BayesGrid, Flow, Estimates)
+# They look at more than the measurements, or take the cases one by one anyhow.
+APART = (Clairvoyant, Rejecting, Truth, BayesGrid, Flow, Estimates)
 
 
 class Case(NamedTuple):
@@ -60,8 +59,10 @@ def estimates(cases: Sequence[Case], streams: Streams, label: str, keep: Collect
     found: dict[int, Estimate] = {}
     for batch in _batches(cases, label):
         together = [cases[i] for i in batch]
-        own = [alone(*together[0], streams, label, keep)] if len(batch) == 1 else _side_by_side(together, label, keep)
-        found |= zip(batch, own, strict=True)
+        if len(batch) == 1:
+            found[batch[0]] = alone(*together[0], streams, label, keep)
+        else:
+            found |= zip(batch, _side_by_side(together, streams, label, keep), strict=True)
     return [found[i] for i in range(len(cases))]
 
 
@@ -92,7 +93,7 @@ def goes_wide(part: Any) -> bool:
 
     What others wrote may well depend on the width of a batch in the last bit.
     """
-    if part is None or isinstance(part, (str, int, float)):
+    if part is None or isinstance(part, (str, int, float)) or (isinstance(part, np.ndarray) and part.dtype != object):
         return True
     if isinstance(part, (tuple, frozenset)):
         return all(map(goes_wide, part))
@@ -122,7 +123,19 @@ def _told_the_same(one: Case, other: Case, label: str) -> bool:
         return False
     a, b = one.experiment.filters[label][1], other.experiment.filters[label][1]
     alike = all(np.array_equal(getattr(a, name), getattr(b, name)) for name in ("mean", "P0", "Q", "R"))
+    alike = alike and equal(one.experiment.filters[label][0], other.experiment.filters[label][0])
     return alike and _starts_there(one.experiment, label) == _starts_there(other.experiment, label)
+
+
+def equal(one: Any, other: Any) -> bool:
+    """Whether two filters that go wide, or pieces of them, are the same; they may have been told different laws."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
+    if is_dataclass(one) and type(one) is type(other):
+        return all(equal(getattr(one, each.name), getattr(other, each.name)) for each in fields(one))
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(equal, one, other))
+    return bool(one == other)
 
 
 def _starts_there(experiment: Experiment, label: str) -> bool:
@@ -131,19 +144,34 @@ def _starts_there(experiment: Experiment, label: str) -> bool:
     return told.mean is experiment.told.mean or np.array_equal(told.mean, experiment.told.mean)
 
 
-def _side_by_side(cases: Sequence[Case], label: str, keep: Collection[str]) -> list[Estimate]:
+def _side_by_side(cases: Sequence[Case], streams: Streams, label: str, keep: Collection[str]) -> list[Estimate]:
     """One batch of all runs, divided into the cases again."""
     experiment = cases[0].experiment
     filt, told = experiment.filters[label]
     y = _joined([case.world.y for case in cases])
     x0 = _joined([case.world.x0 for case in cases]) if _starts_there(experiment, label) else told.mean
-    whole = filt.run(experiment.assumed_model, y, x0, told.P0, Q=told.Q, R=told.R, keep=keep)
-    means, failed = _divided(whole.mean, len(cases)), _divided(whole.failed, len(cases))
-    covs = [None] * len(cases) if whole.cov is None else _divided(whole.cov, len(cases))
-    extras = {name: _divided(value, len(cases)) for name, value in whole.extras.items()}
+    whole = filt.run(
+        experiment.assumed_model,
+        y,
+        x0,
+        told.P0,
+        Q=told.Q,
+        R=told.R,
+        keep=keep,
+        streams=streams.within("filter"),
+    )
+    return _parted(whole, len(cases))
+
+
+def _parted(whole: Estimate, count: int) -> list[Estimate]:
+    """The estimates of `count` cases."""
+    means, failed = _divided(whole.mean, count), _divided(whole.failed, count)
+    covs = [None] * count if whole.cov is None else _divided(whole.cov, count)
+    passed = [None] * count if whole.passed is None else _parted(whole.passed, count)
+    extras = {name: _divided(value, count) for name, value in whole.extras.items()}
     return [
-        Estimate(means[i], covs[i], failed[i], {name: parts[i] for name, parts in extras.items()}, whole.target)
-        for i in range(len(cases))
+        Estimate(means[i], covs[i], failed[i], {name: of[i] for name, of in extras.items()}, whole.target, passed[i])
+        for i in range(count)
     ]
 
 

@@ -106,6 +106,38 @@ def test_runs_that_nobody_wants_are_left_out():
         assert np.isnan(some.mean[..., -1]).all()
 
 
+def test_runs_beyond_the_streams_are_those_of_other_cases_with_the_same_draws(monkeypatch):
+    drawn = []
+    plain = Onward._draw
+    monkeypatch.setattr(Onward, "_draw", lambda self, *a: drawn.append(np.size(out := plain(self, *a))) or out)
+    streams, wanted = Streams(3, groups=2), GROUP + 30
+    _, y = simulate(Gaussian.of(Q), Gaussian.of(R), 5, runs=3 * streams.runs)
+    y[2, 0, 7::11] = np.nan
+    x0 = np.random.default_rng(1).standard_normal((4, y.shape[2]))
+    smoother = build("ps", particles=20, at=3, lag=2).first(wanted)
+    told, keep = {**TOLD, "x0": x0}, ("cov", "distinct", "passed")
+    whole = smoother.run(MODEL, y, keep=keep, streams=streams, **told)
+    together = sum(drawn)
+    for case in range(3):
+        runs = slice(case * streams.runs, (case + 1) * streams.runs)
+        drawn.clear()
+        alone = smoother.run(MODEL, y[..., runs], keep=keep, streams=streams, **{**told, "x0": x0[:, runs]})
+        assert sum(drawn) == together
+        assert alone.failed[-1] and not alone.failed[:wanted].any()
+        for one, other in ((alone, whole), (alone.passed, whole.passed)):
+            np.testing.assert_array_equal(one.mean, other.mean[..., runs])
+            np.testing.assert_array_equal(one.failed, other.failed[runs])
+            for name, value in one.extras.items():
+                np.testing.assert_array_equal(value, other.extras[name][..., runs])
+        np.testing.assert_array_equal(alone.cov, whole.cov[..., runs])
+
+
+def test_runs_that_are_no_whole_cases_are_refused():
+    _, y = simulate(Gaussian.of(Q), Gaussian.of(R), 2, runs=GROUP + 1)
+    with pytest.raises(SpecError, match="129 runs are not those of several cases: there are streams for 128"):
+        build("pf", particles=5).run(MODEL, y, streams=Streams(1), **TOLD)
+
+
 def test_a_run_whose_weights_all_vanish_fails_alone():
     _, y = simulate(Gaussian.of(Q), Gaussian.of(R), 8, runs=40)
     base = build("pf", particles=30).run(MODEL, y, streams=Streams(3), **TOLD)

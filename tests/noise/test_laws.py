@@ -101,6 +101,20 @@ def test_densities_integrate_to_one_in_two_dimensions(name):
     assert mass == pytest.approx(1, abs=2e-3)
 
 
+@pytest.mark.parametrize("coin", ["joint", "component"])
+def test_the_density_of_some_components_is_that_of_all_with_the_others_integrated_out(coin):
+    body = {"kind": "gaussian", "cov": C[:2, :2].tolist()}
+    outliers = {"kind": "laplace", "cov": {"times": 9, "of": "body"}}
+    spec = {"kind": "contaminated", "rate": 0.3, "coin": coin, "body": body, "outliers": outliers}
+    law = noise.build(spec, 2)
+    width = 60 * np.sqrt(law.cov[1, 1])
+    for e in (-4.0, 0.3, 2.0):
+        density = integrate.quad(
+            lambda u, e=e: np.exp(law.logpdf(np.array([[e], [u]])))[0], -width, width, points=[0.0, e], limit=400
+        )[0]
+        assert np.exp(law.marginal(np.array([0])).logpdf(np.array([[e]])))[0] == pytest.approx(density, rel=1e-6)
+
+
 def test_component_coins_have_the_density_of_all_patterns_of_coins():
     spec = {
         "kind": "contaminated",

@@ -274,6 +274,18 @@ def test_filters_that_go_case_by_case_have_their_cases_divided(tmp_path: Path, f
     ]
 
 
+@pytest.mark.parametrize(("workers", "heaps"), [(2, [(0, 1, 2)]), (16, [(0,), (1,), (2,)])])
+def test_particles_are_a_job_of_their_own_and_draw_once_for_all_cases_unless_there_are_many_workers(
+    workers: int, heaps: list[tuple[int, ...]], tmp_path: Path
+) -> None:
+    navigation = load("navigation")
+    units = list(plan.units(navigation, tmp_path, full=False))
+    whole = packed([(unit, unit.labels) for unit in units], navigation.seed, navigation.runs)
+    assert [job.units for job in whole] == [(0, 1, 2), (3, 4), (5,)]
+    particles = [job.units for job in divided(whole, workers) if job.labels == ("ps", "pf")]
+    assert [units for units in particles if max(units) < 3] == heaps
+
+
 def test_a_smoother_takes_the_filter_along_that_it_runs_anyhow() -> None:
     spec = load("navigation").cells[0].spec
     assert sharing(spec, ["ps", "pf", "kf"], partners=False) == [("ps", "pf"), ("kf",)]

@@ -95,9 +95,8 @@ def test_so_does_every_weight_and_every_scheme(parts: dict[str, str]) -> None:
 
 
 def test_what_looks_at_more_than_measurements_stays_apart_and_what_does_not_goes_wide() -> None:
-    apart = {name for name, entry in RUNNING.items() if entry.needs} | {"bayes", "decoupled"}
+    apart = {name for name, entry in RUNNING.items() if entry.needs - {"streams"}} | {"bayes"}
     assert {name for name, _ in SERVED} - {name for name, _ in WIDE} == apart
-    assert not goes_wide(filters.build({"fixed_point": {"filter": "pf", "at": 4, "lag": 4}}))
     assert not goes_wide(filters.build({"quantised": {"filter": "clairvoyant_kf"}}))
 
 
