@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 TRUTH = frozenset({"truth"})
 RECORD = frozenset({"record"})
 
+TOGETHER = 2048  # columns: their matrices stay in the cache
+
 Reduce = Literal["mean", "max", "root", "median", "last", "mean_where", "root_where"]
 
 
@@ -160,6 +162,25 @@ class Metric:
         if self.point == "last":
             return values[-1:]
         return values[self.point :][:1]
+
+
+def over_time(function: Callable[..., NDArray[Any]], *arrays: Array) -> NDArray[Any]:
+    """function(A, ...), which treats runs (..., M) alike, at every step of arrays (T, ..., M or 1): (T, ..., M).
+
+    Some steps at a time, side by side as if they were more runs.
+    """
+    T, M = len(arrays[0]), max(A.shape[-1] for A in arrays)
+    some = max(1, TOGETHER // M)
+
+    def columns(A: Array) -> Array:
+        A = np.moveaxis(A, 0, -2)
+        return np.broadcast_to(A, (*A.shape[:-1], M)).reshape(*A.shape[:-2], -1)
+
+    def steps(A: NDArray[Any]) -> NDArray[Any]:
+        return np.moveaxis(A.reshape(*A.shape[:-1], -1, M), -2, 0)
+
+    starts = range(0, T, some)
+    return np.concatenate([steps(function(*(columns(A[k : k + some]) for A in arrays))) for k in starts])
 
 
 def outliers(trial: Trial) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rkfbench.errors import SpecError
 from rkfbench.linalg import Array, dot, solve
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import Each, Trial, over_time
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Nees(Each):
             raise SpecError("nees needs the covariance of the estimate")
         error = trial.estimate.mean[:, states] - trial.truth()[:, states]
         cov = trial.estimate.cov[:, states][:, :, states]
-        return np.stack([dot(e, solve(P, e)) for e, P in zip(error, cov, strict=True)])
+        return over_time(lambda e, P: dot(e, solve(P, e)), error, cov)
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,11 @@ class ConditionTopLambda(Each):
         return {self.by: frozenset({"lambda"})}
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        size = trial.others[self.by].extras["lambda"][:, 0]
-        return at_largest(condition_of(trial.estimate), size, self.count)
+        by = trial.others[self.by]
+        known = f"steps of the {self.count} largest lambda"  # for every filter the same ones
+        if known not in by.derived:
+            by.derived[known] = largest(by.extras["lambda"][:, 0], self.count)
+        return at(by.derived[known], condition_of(trial.estimate))
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class ConditionRatioTopPsi(Each):
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         ratio = condition_of(trial.estimate) / condition_of(trial.others[self.over])
-        return at_largest(ratio, psi_condition(trial.estimate), self.count)
+        return at(largest(psi_condition(trial.estimate), self.count), ratio)
 
 
 @dataclass(frozen=True)
@@ -134,7 +137,11 @@ def worse(trial: Trial, than: str) -> NDArray[np.bool_]:
     return condition_of(trial.estimate) > condition_of(trial.others[than]) * (1 + ROUNDING)
 
 
-def at_largest(values: Array, size: Array, count: int) -> Array:
-    """The values (count, M) at the `count` steps of each run at which `size` (T, M) is largest."""
-    steps = np.argsort(-size, axis=0, kind="stable")[:count]
-    return np.take_along_axis(np.broadcast_to(values, size.shape), steps, axis=0)
+def largest(size: Array, count: int) -> NDArray[np.intp]:
+    """The `count` steps of each run at which `size` (T, M) is largest, (count, M)."""
+    return np.argsort(-size, axis=0, kind="stable")[:count]
+
+
+def at(steps: NDArray[np.intp], values: Array) -> Array:
+    """The values (T, M or 1) at some steps (count, M) of each run."""
+    return np.take_along_axis(np.broadcast_to(values, (len(values), steps.shape[1])), steps, axis=0)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rkfbench.linalg import Array, positive_definite
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import Each, Trial, over_time
 from rkfbench.metrics.errors import SquaredError
 from rkfbench.models import wrap
 
@@ -124,7 +124,7 @@ class Indefinite(Each):
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         assert trial.estimate.cov is not None
-        return np.stack([~positive_definite(P) for P in trial.estimate.cov]).astype(float)
+        return over_time(lambda P: ~positive_definite(P), trial.estimate.cov).astype(float)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,8 @@ from rkfbench.filters.weights import Huber, LeastAbsolute, Plain, Weight
 from rkfbench.linalg import Array
 from rkfbench.metrics.base import Each, Trial
 
+TOGETHER = 100  # lags d that are summed up at once: they stay in the cache
+
 
 @dataclass(frozen=True)
 class InfluenceNorm(Each):
@@ -57,11 +59,15 @@ def influence(
     """The influence function (K, n, M) at the steps ks about the states x (T, n, M), for measurements y (T, m, M)."""
     W, h, G = window(F, H, Q, R, int(max(ks)))
     xi = xi_of(weight, len(H))
-    m, n, M = len(H), len(F), x.shape[2]
+    (T, m, M), n = y.shape, len(F)
+    backwards = np.ascontiguousarray(y[::-1])  # y_{k-d} for d = 0, 1, ..
     result = np.empty((len(ks), n, M))
     for i, k in enumerate(ks):
-        v = h[:k] @ x[k - 1] - W[:k] @ y[k - 1 :: -1]
-        total = h[:k].reshape(k * m, n).T @ psi(weight, v).reshape(k * m, M)
+        total = np.zeros((n, M))
+        for some in (slice(d, min(d + TOGETHER, k)) for d in range(0, k, TOGETHER)):
+            v = h[some] @ x[k - 1]
+            v -= W[some] @ backwards[T - k :][some]
+            total += h[some].reshape(-1, n).T @ psi(weight, v).reshape(-1, M)
         result[i] = np.linalg.solve(xi * G[k - 1], total)
     return result
 
@@ -93,8 +99,9 @@ def psi(weight: Weight, v: Array) -> Array:
     if isinstance(weight, Huber):
         return np.clip(v, -weight.threshold, weight.threshold)
     if isinstance(weight, LeastAbsolute):
-        length = np.sqrt((v * v).sum(1, keepdims=True))
-        return v / np.where(length == 0, 1.0, length)
+        length = np.sqrt(np.einsum("dmM,dmM->dM", v, v))
+        length[length == 0] = 1
+        return v / length[:, None]
     return v
 
 

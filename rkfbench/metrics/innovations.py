@@ -17,7 +17,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 
 from rkfbench.linalg import Array, cholesky, solve_lower
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import Each, Trial, over_time
 from rkfbench.metrics.histories import Shown
 
 Parts = dict[str, Any]
@@ -31,8 +31,8 @@ def standardised(trial: Trial) -> tuple[Array, Array, Array]:
         there = ~np.isnan(nu)
         if not there.all():
             S = np.where(there[:, :, None] & there[:, None], S, np.eye(nu.shape[1])[None, ..., None])
-        L = np.stack([cholesky(Sk) for Sk in S])
-        e = np.stack([solve_lower(Lk, each) for Lk, each in zip(L, np.where(there, nu, 0.0), strict=True)])
+        L = over_time(cholesky, S)
+        e = over_time(solve_lower, L, np.where(there, nu, 0.0))
         derived["standardised"] = e
         derived["log_det"] = 2 * np.log(np.einsum("tiim->tim", L)).sum(1)
         derived["measured"] = there.sum(1)
