@@ -59,7 +59,7 @@ def influence(
     """The influence function (K, n, M) at the steps ks about the states x (T, n, M), for measurements y (T, m, M)."""
     W, h, G = window(F, H, Q, R, int(max(ks)))
     xi = xi_of(weight, len(H))
-    (T, m, M), n = y.shape, len(F)
+    (T, _, M), n = y.shape, len(F)
     backwards = np.ascontiguousarray(y[::-1])  # y_{k-d} for d = 0, 1, ..
     result = np.empty((len(ks), n, M))
     for i, k in enumerate(ks):
