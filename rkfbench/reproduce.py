@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -62,33 +62,39 @@ def experiment(
     argv: Sequence[str],
     goal: Goal | None = None,
     times: clock.Times | None = None,
+    done: Callable[[Outcome], None],
 ) -> Outcome:
-    """Bring a results folder up to date: its numbers and `times` now, and what is made of them `aside`."""
+    """Bring a results folder up to date: its blocks now; `aside` the tables, `times` and what is made of them, and what
+    is to be `done` with the outcome then.
+
+    Returns what is known before the tables are there.
+    """
     scenario, forms, choices = _measured(scenario, full)
     facts: dict[str, Any] = {"argv": list(argv)}
     if scenario.name not in bundled():
         facts["source"] = scenario.file
     with ExitStack() as held:
         held.enter_context(run.reserved(folder, scenario.name))
-        outcome = run.update(
+        computed = run.compute(
             scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts, goal=goal
         )
-        scenario = replace(scenario, runs=outcome.runs)
-        if choices and not outcome.failures:
-            tuned = tuning.update(scenario, choices, folder, fresh=fresh, engine=engine, report=report)
-            outcome = replace(outcome, failures=tuned.failures)
-        if not outcome.failures:
-            if times is not None:
-                clock.write(times, folder)
-            lock = held.pop_all()
+        scenario, failures = replace(scenario, runs=computed.scenario.runs), computed.failures
+        if choices and not failures:
+            failures = tuning.update(scenario, choices, folder, fresh=fresh, engine=engine, report=report).failures
+        lock = held.pop_all()
 
-            def finish() -> None:
-                with lock:
+        def finish() -> None:
+            with lock:
+                outcome = replace(computed.write(), failures=failures)
+                if not failures:
+                    if times is not None:
+                        clock.write(times, folder)
                     checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
                     derived.update(scenario, folder, pool, fresh=fresh)
+            done(outcome)
 
-            aside(finish)
-    return outcome
+        aside(finish)
+    return replace(computed.outcome(), failures=failures)
 
 
 def times_of(scenario: Scenario, folder: Path, *, full: bool = False, fresh: bool = False) -> clock.Times | None:

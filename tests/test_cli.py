@@ -185,7 +185,7 @@ def test_an_unexpected_exception_is_one_line_and_shows_its_place_with_v(
     def broken(*args: Any, **options: Any) -> None:
         raise ZeroDivisionError("by zero")
 
-    monkeypatch.setattr("rkfbench.study.run.update", broken)
+    monkeypatch.setattr("rkfbench.study.run.compute", broken)
     plain, verbose = rkfbench("run", small), rkfbench("run", small, "-v")
     assert (plain.exit_code, verbose.exit_code) == (1, 1)
     assert plain.stderr.splitlines()[-2] == "ZeroDivisionError: by zero"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from functools import partial
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -51,8 +50,14 @@ def experiments(
     with Pool(jobs) as pool, Aside(pool.workers > 1) as aside:
         how = engine(jobs, pool, scheduler)
         for (scenario, folder), times, goal in zip(studies, clocks, goals or repeat(None), strict=False):
+
+            def done(outcome: Any, scenario: Any = scenario, folder: Path = folder) -> None:
+                outcomes.append(outcome)
+                if then is not None and not outcome.failures:
+                    then(scenario, folder, outcome)
+
             with terminal.progress(scenario.name) as listen:
-                outcome = experiment(
+                so_far = experiment(
                     scenario,
                     folder,
                     full=full,
@@ -64,11 +69,9 @@ def experiments(
                     argv=["rkfbench", *sys.argv[1:]],
                     goal=goal,
                     times=times,
+                    done=done,
                 )
-            terminal.note(_summary(scenario.name, outcome))
-            outcomes.append(outcome)
-            if then is not None and not outcome.failures:
-                aside(partial(then, scenario, folder, outcome))
+            terminal.note(_summary(scenario.name, so_far))
     return outcomes
 
 

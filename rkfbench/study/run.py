@@ -47,6 +47,30 @@ class Outcome:
     open: int = 0  # after a shard: blocks of the study that nobody has finished yet
 
 
+@dataclass(frozen=True)
+class Computed:
+    """The blocks of a study, as far as no filter raised; `write` makes the tables of them."""
+
+    scenario: Scenario  # with as many runs as it took
+    folder: Path
+    units: Sequence[Unit]
+    new: int  # of the units, in which something was computed
+    failures: tuple[Failure, ...]
+    seconds: float
+    full: bool
+    facts: Mapping[str, Any]  # for the manifest
+
+    def write(self) -> Outcome:
+        """Write and seal the tables, unless the folder already holds those of exactly these parts."""
+        changed = _write_tables(self.folder, self.scenario, self.units, self.failures, self.full, self.facts)
+        return self.outcome(changed)
+
+    def outcome(self, changed: bool = False) -> Outcome:
+        """What was done, the tables apart."""
+        reused = len(self.units) - self.new
+        return Outcome(self.folder, self.new, reused, changed, self.failures, self.seconds, self.scenario.runs)
+
+
 def run_study(
     scenario: Scenario,
     folder: Path,
@@ -65,10 +89,12 @@ def run_study(
     Raises UsageError when the folder is in use by another run, holds something else, or cannot be written.
     """
     with reserved(folder, scenario.name):
-        return update(scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts, goal=goal)
+        return compute(
+            scenario, folder, full=full, fresh=fresh, engine=engine, report=report, facts=facts, goal=goal
+        ).write()
 
 
-def update(
+def compute(
     scenario: Scenario,
     folder: Path,
     *,
@@ -78,8 +104,8 @@ def update(
     report: Report = lambda event: None,
     facts: Mapping[str, Any] | None = None,
     goal: Goal | None = None,
-) -> Outcome:
-    """The same in a folder that is `reserved`."""
+) -> Computed:
+    """The same in a folder that is `reserved`, but for the tables."""
     begin, started = time.perf_counter(), _now()
     if fresh:
         _remove(folder / manifest.BLOCKS)
@@ -95,8 +121,7 @@ def update(
             _remove(folder / name)
     times = {"started": started, "seconds": round(seconds, 3)}
     more = {**(facts or {}), **times, "precision": settled and settled.facts()}
-    changed = _write_tables(folder, scenario, units, failures, full, more)
-    return Outcome(folder, computed, len(units) - computed, changed, failures, seconds, scenario.runs)
+    return Computed(scenario, folder, units, computed, failures, seconds, full, more)
 
 
 def compute_shard(
@@ -172,7 +197,6 @@ def _write_tables(
     full: bool,
     facts: Mapping[str, Any],
 ) -> bool:
-    """Write and seal the tables, unless the folder already holds those of exactly these parts."""
     from rkfbench.study import outputs
 
     missing = {(failure.case, failure.filter) for failure in failures}
