@@ -23,6 +23,7 @@ from rkfbench.judge import Docket, dockets
 from rkfbench.pool import Pool
 from rkfbench.scenario import bundled
 from rkfbench.store import Results, files, manifest
+from rkfbench.store.results import read_once
 from rkfbench.study import checks, clock, run, tuning
 from rkfbench.study.engines import Engine
 from rkfbench.study.events import Report
@@ -84,14 +85,15 @@ def experiment(
         lock = held.pop_all()
 
         def finish() -> None:
-            with lock:
-                outcome = replace(computed.write(), failures=failures)
-                if not failures:
-                    if times is not None:
-                        clock.write(times, folder)
-                    checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
-                    derived.update(scenario, folder, pool, fresh=fresh)
-            done(outcome)
+            with read_once(folder):
+                with lock:
+                    outcome = replace(computed.write(), failures=failures)
+                    if not failures:
+                        if times is not None:
+                            clock.write(times, folder)
+                        checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
+                        derived.update(scenario, folder, pool, fresh=fresh)
+                done(outcome)
 
         aside(finish)
     return replace(computed.outcome(), failures=failures)

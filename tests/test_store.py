@@ -21,6 +21,7 @@ from rkfbench.errors import UsageError
 from rkfbench.store import Results, blocks, files, manifest
 from rkfbench.store.blocks import Curve, Damaged, Part
 from rkfbench.store.lock import locked
+from rkfbench.store.results import read_once
 
 
 def folder(path: Path) -> Path:
@@ -247,3 +248,23 @@ def test_every_flipped_bit_of_a_manifest_is_noticed(tmp_path: Path) -> None:
             assert manifest.spoiled(tmp_path / "r") == ["manifest.json"]
         else:  # a bit of white space, or of the name under which the hash stands
             assert {key: after[key] for key in before} == before
+
+
+def test_meanwhile_a_file_is_read_once_whoever_opens_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+    plain = files.read_csv
+    monkeypatch.setattr(files, "read_csv", lambda path: read.append(path.name) or plain(path))
+    place = folder(tmp_path / "r")
+    with read_once(place):
+        first, second = Results.open(place), Results.open(place)
+        assert second.summary is first.summary
+        assert second.values("literal", "5", "kf", "rmse") is first.values("literal", "5", "kf", "rmse")
+        assert sorted(read) == ["runs.csv", "summary.csv", "table.csv"]
+        read.clear()
+        files.write(place / "summary.csv", (place / "summary.csv").read_text().replace("0.2", "0.4"))
+        manifest.seal(place)
+        assert [row["mean"] for row in Results.open(place).summary] == [0.4]
+    assert read == ["summary.csv"]
+    assert Results.open(place).summary is not first.summary

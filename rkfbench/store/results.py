@@ -7,10 +7,11 @@ so a number that was edited by hand, cut short or written by another version is 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,27 @@ from rkfbench.errors import UsageError
 from rkfbench.store import files, manifest
 
 Row = dict[str, Any]
+Table = TypeVar("Table")
 Series = tuple[str, str, str]  # reading, case, label of the filter
+RUNS = "runs.csv"
 KEYS = ("reading", "case", "run", "filter", "failed", "lost")  # leading columns of runs.csv
+
+
+Read = dict[tuple[str, str], Any]  # name and hash of a file -> what was read of it
+
+_shared: dict[Path, Read] = {}
+
+
+@contextmanager
+def read_once(folder: Path) -> Iterator[None]:
+    """Meanwhile each file of a results folder is read once, whoever opens the folder, unless it changes."""
+    read = _shared.setdefault(folder.absolute(), {})
+    try:
+        yield
+    finally:
+        _shared.pop(folder.absolute(), None)
+        for key in [key for key in read if key[0] == RUNS]:  # by far the largest
+            del read[key]
 
 
 class Results:
@@ -37,7 +57,8 @@ class Results:
         self.seed: int = content["seed"]
         self.runs: int = content["runs"]
         self.stopped: str = (content.get("precision") or {}).get("text", "")  # where --precision stopped, and why
-        self.has_runs = "runs.csv" in content["files"]
+        self.has_runs = RUNS in content["files"]
+        self._read: Read = _shared.get(folder.absolute(), {})
 
     @classmethod
     def open(cls, folder: str | Path) -> Results:
@@ -115,20 +136,32 @@ class Results:
             raise UsageError(f"{self.folder} keeps no numbers per run: use the folder of the run itself")
         return self._per_run[reading, case, filter]
 
-    @cached_property
+    @property
     def _per_run(self) -> dict[Series, dict[str, NDArray[np.float64]]]:
-        columns, rows = files.read_csv(self.folder / "runs.csv")
-        names = columns[columns.index("failed") :]
-        first = len(columns) - len(names)
-        # flat machine numbers, row after row: a list of Python floats would take eight times the memory
-        numbers: dict[Series, array[float]] = {}
-        for row in rows:
-            key = (row[0], row[1], row[3])
-            if key not in numbers:
-                numbers[key] = array("d")
-            numbers[key].extend(float(text) if text else np.nan for text in row[first:])
-        tables = {key: np.frombuffer(flat).reshape(-1, len(names)) for key, flat in numbers.items()}
-        return {key: dict(zip(names, table.T, strict=True)) for key, table in tables.items()}
+        return self._once(RUNS, _numbers_per_run)
 
     def _records(self, name: str) -> list[Row]:
-        return files.read_records(self.folder / name) if name in self.manifest["files"] else []
+        return self._once(name, files.read_records) if name in self.manifest["files"] else []
+
+    def _once(self, name: str, read: Callable[[Path], Table]) -> Table:
+        key = name, self.manifest["files"][name]
+        if key not in self._read:
+            self._read[key] = read(self.folder / name)
+        table: Table = self._read[key]
+        return table
+
+
+def _numbers_per_run(path: Path) -> dict[Series, dict[str, NDArray[np.float64]]]:
+    columns, rows = files.read_csv(path)
+    names = columns[columns.index("failed") :]
+    first = len(columns) - len(names)
+    # flat machine numbers, row after row: a list of Python floats would take eight times the memory
+    numbers: dict[Series, array[float]] = {}
+    for row in rows:
+        key = (row[0], row[1], row[3])
+        if key not in numbers:
+            numbers[key] = array("d")
+        cells = row[first:]
+        numbers[key].extend(map(float, cells) if all(cells) else (float(text) if text else np.nan for text in cells))
+    tables = {key: np.frombuffer(flat).reshape(-1, len(names)) for key, flat in numbers.items()}
+    return {key: dict(zip(names, table.T, strict=True)) for key, table in tables.items()}
