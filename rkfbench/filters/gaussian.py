@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 from rkfbench.filters import gains, recursion
 from rkfbench.filters.base import Estimate, Known, Posterior
@@ -64,14 +65,20 @@ class GaussianFilter:
     ) -> Estimate:
         """The estimates; see `rkfbench.filters.base.Filter`."""
         self.check(model)
-        return recursion.collect(self.steps(model, y, x0, P0, Q=Q, R=R), keep, len(y))
+        told = recursion.prepare(model, y, x0, P0, Q, R)
+        if self._gains_first(model, *told):
+            return gains.run(model, *told, keep)
+        return recursion.collect(recursion.steps(self, model, *told), keep, len(y))
 
     def steps(
         self, model: Model, y: Array, x0: Array, P0: Array, *, Q: Array, R: Array, known: Known | None = None
     ) -> Iterator[recursion.Step]:
-        """The steps, one after the other; gains first where all runs share them."""
+        """The steps, one after the other."""
         told = recursion.prepare(model, y, x0, P0, Q, R)
+        how = gains.steps if self._gains_first(model, *told) else partial(recursion.steps, self)
+        return how(model, *told)
+
+    def _gains_first(self, model: Model, *told: Array) -> bool:
+        """Whether this is the Kalman filter, and all runs share its gains."""
         plain = isinstance(self.moments, Jacobians) and isinstance(self.weight, Plain) and isinstance(self.update, Once)
-        if plain and gains.shared(model, *told):
-            return gains.steps(model, *told)
-        return recursion.steps(self, model, *told)
+        return plain and gains.shared(model, *told)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rkfbench import filters
 from rkfbench.filters import gains, recursion
-from tests.problems import linear_problem
+from tests.problems import FullLinear, linear_problem
 
 
 def both(p, y=None, keep=("cov", "prior_mean", "prior_cov", "nu", "S"), **changes):
@@ -47,8 +49,8 @@ def test_the_same_with_covariances_that_change_with_time():
 
 
 def test_a_settled_filter_computes_no_gain_again(monkeypatch):
-    p, computed, gain = linear_problem(steps=1000), [], gains._gain
-    monkeypatch.setattr(gains, "_gain", lambda *args: computed.append(1) or gain(*args))
+    p, computed, step = linear_problem(steps=1000), [], gains._step
+    monkeypatch.setattr(gains, "_step", lambda *args: computed.append(1) or step(*args))
     filters.build("kf").run(p.model, p.y, **p.told)
     assert 10 < len(computed) < 300
 
@@ -57,6 +59,33 @@ def test_a_prior_that_is_not_positive_definite_fails_all_runs():
     p = linear_problem(steps=5)
     estimate = filters.build("kf").run(p.model, p.y, **{**p.told, "P0": -100 * p.P0})
     assert estimate.failed.all() and np.isnan(estimate.mean).all()
+
+
+def test_step_after_step_the_same_as_at_once():
+    p = linear_problem(steps=15)
+    y = p.y.copy()
+    y[4, 1] = np.nan
+    y[6, 0, 2] = np.inf
+    kf, keep = filters.build("kf"), ("cov", "prior_mean", "prior_cov", "nu", "S")
+    steps = recursion.collect(kf.steps(p.model, y, **p.told), keep, len(y))
+    whole = kf.run(p.model, y, keep=keep, **p.told)
+    same(whole, steps)
+    assert np.array_equal(whole.mean, steps.mean, equal_nan=True)
+
+
+@pytest.mark.parametrize("own", ["f", "h", "residual", "angles"])
+def test_a_model_with_a_mind_of_its_own_is_asked_at_every_step(own):
+    """A subclass of a linear model may move, see or compare in its own way: then its matrices do not tell all."""
+    changed = {
+        "f": lambda self, x, k: FullLinear.f(self, x, k) + k,
+        "h": lambda self, x, k: FullLinear.h(self, x, k) - k,
+        "residual": lambda self, y, z: 2 * (y - z),
+        "angles": (0,),
+    }
+    p = linear_problem(steps=6)
+    one, other = both(replace(p, model=type("Own", (FullLinear,), {own: changed[own]})()))
+    same(one, other)
+    assert np.abs(one.mean - both(p)[0].mean).max() > 1e-3
 
 
 def test_a_run_with_an_infinite_measurement_fails_alone():

@@ -135,13 +135,14 @@ def test_a_killed_process_is_one_message_and_what_was_finished_is_kept(
 ) -> None:
     def shot(work: Sequence[Job]) -> Generator[Done]:
         for done in pooled(engines.processes)(work):
-            for process in multiprocessing.active_children():
+            for process in {*multiprocessing.active_children()} - before:
                 process.kill()
             yield done
 
+    before = {*multiprocessing.active_children()}  # a cluster of another test may still be ending
     with pytest.raises(RkfbenchError, match="a worker process was killed"):
         run_study(study, tmp_path / "r", engine=shot)
-    assert multiprocessing.active_children() == []
+    assert {*multiprocessing.active_children()} <= before
     assert list((tmp_path / "r/blocks").iterdir())
     assert run_study(study, tmp_path / "r").computed > 0
     assert tables(tmp_path / "r") == expected
