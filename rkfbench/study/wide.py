@@ -50,7 +50,8 @@ def worlds(experiments: Sequence[Experiment], streams: Streams) -> list[Case]:
     drawn = [each.drawn(streams) for each in experiments]
     starts, own_starts, w, v = zip(*drawn, strict=True)
     x, y = first.follow(_joined(starts), _joined([each.value for each in w]), _joined([each.value for each in v]))
-    divided = zip(_divided(x, len(drawn)), _divided(y, len(drawn)), own_starts, w, v, strict=True)
+    own_x, own_y = (map(np.ascontiguousarray, _divided(A, len(drawn))) for A in (x, y))
+    divided = zip(own_x, own_y, own_starts, w, v, strict=True)
     return [Case(each, World(*parts)) for each, parts in zip(experiments, divided, strict=True)]
 
 
@@ -180,7 +181,5 @@ def _joined(arrays: Sequence[Array]) -> Array:
 
 
 def _divided(A: Array, count: int) -> list[Array]:
-    """The runs of `count` cases in arrays of their own; what all runs share stays shared."""
-    if A.shape[-1] == 1:
-        return [A] * count
-    return [np.ascontiguousarray(part) for part in np.split(A, count, axis=-1)]
+    """The runs of `count` cases, as views; what all runs share stays shared."""
+    return [A] * count if A.shape[-1] == 1 else np.split(A, count, axis=-1)
