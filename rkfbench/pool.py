@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from rkfbench import blas
 from rkfbench.errors import RkfbenchError
@@ -42,6 +42,8 @@ class Pool:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = cores() if workers is None else workers
         self._processes: ProcessPoolExecutor | None = None
+        self._coming: Callable[[], Iterable[Any]] = tuple
+        self._early: list[tuple[Any, Any, Future[Any]]] = []  # function, item and what becomes of it
 
     def __enter__(self) -> Self:
         return self
@@ -71,6 +73,10 @@ class Pool:
             for future in [self.submit(function, item) for item in items]:
                 yield future.result()
 
+    def foresee(self, items: Callable[[], Iterable[Any]]) -> None:
+        """What will be wanted after the next `fed`, of which it begins the first where it leaves processes idle."""
+        self._coming = items
+
     def fed(self, function: Callable[[Item], Result], take: Callable[[], Item | None]) -> Iterator[tuple[Item, Result]]:
         """Each item that `take` gives, until it gives None, with its function(item) as soon as that is there; an item
         is taken only when it would not wait for long.
@@ -78,17 +84,33 @@ class Pool:
         from concurrent.futures import FIRST_COMPLETED, wait
 
         running: dict[Future[Result], Item] = {}
+        coming: Iterator[Item] | None = None
         with told():
             while True:
                 while len(running) < AHEAD * self.workers and (item := take()) is not None:
                     running[self.submit(function, item)] = item
                 if not running:
+                    self._coming = tuple
                     return
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                early = {future for *_, future in self._early if not future.done()}
+                while len(running) + len(early) < AHEAD * self.workers:
+                    coming = iter(self._coming()) if coming is None else coming
+                    if (item := next(coming, None)) is None:
+                        break
+                    self._early.append((function, item, self._begun(function, item)))
+                    early.add(self._early[-1][-1])
+                for future in wait({*running, *early}, return_when=FIRST_COMPLETED).done & running.keys():
                     yield running.pop(future), future.result()
 
     def submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
-        """function(item), to be done by a process."""
+        """function(item), to be done by a process, which may have begun already."""
+        for i, (what, of, future) in enumerate(self._early):
+            if what is function and of == item:
+                del self._early[i]
+                return future
+        return self._begun(function, item)
+
+    def _begun(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
         if self._processes is None:
             import multiprocessing
             from concurrent.futures import ProcessPoolExecutor

@@ -24,14 +24,16 @@ from rkfbench.pool import Pool
 from rkfbench.scenario import bundled
 from rkfbench.store import Results, files, manifest
 from rkfbench.store.results import read_once
-from rkfbench.study import checks, clock, run, tuning
-from rkfbench.study.engines import Engine
+from rkfbench.study import checks, clock, plan, run, tuning
+from rkfbench.study.engines import Engine, in_order
 from rkfbench.study.events import Report
+from rkfbench.study.missing import foreseen
 from rkfbench.study.run import Outcome
 
 if TYPE_CHECKING:
     from rkfbench.claims.forms import Form
     from rkfbench.scenario import Cell, Scenario
+    from rkfbench.study.jobs import Job
     from rkfbench.study.precision import Goal
     from rkfbench.study.shards import Shard
 
@@ -97,6 +99,14 @@ def experiment(
 
         aside(finish)
     return replace(computed.outcome(), failures=failures)
+
+
+def jobs_ahead(
+    scenario: Scenario, folder: Path, pool: Pool, *, full: bool = False, fresh: bool = False
+) -> Iterator[Job]:
+    """The jobs with which `experiment` will begin, as its folder lets expect."""
+    scenario, _, _ = _measured(scenario, full)
+    return in_order(foreseen(list(plan.units(scenario, folder, full)), scenario, fresh), pool)
 
 
 def times_of(scenario: Scenario, folder: Path, *, full: bool = False, fresh: bool = False) -> clock.Times | None:

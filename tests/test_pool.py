@@ -24,6 +24,13 @@ def large(begun: Path) -> bytes:
     return bytes(200_000_000)
 
 
+def write_line(item: tuple[str, float]) -> str:
+    with open(item[0], "a") as file:
+        file.write("once")
+    time.sleep(item[1])
+    return item[0]
+
+
 def die(_: int) -> None:
     os._exit(9)
 
@@ -114,3 +121,30 @@ def test_an_interruption_that_is_held_is_answered_afterwards(threaded: bool) -> 
         held()
     assert steps == ["held"]
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_what_is_foreseen_begins_where_processes_would_wait_and_is_not_done_twice(tmp_path: Path) -> None:
+    done: list[tuple[str, ...]] = []
+    with Pool(2) as pool:
+        list(pool.ordered(process_of, [0.0, 0.0]))  # both processes are up
+        first, second = iter([(str(tmp_path / "a"), 1.0)]), [(str(tmp_path / name), 0.0) for name in "bcdef"]
+        pool.foresee(lambda: second)
+        done.extend((item[0], result) for item, result in pool.fed(write_line, lambda: next(first, None)))
+        begun = [place for place, _ in second if Path(place).exists()]
+        assert begun == [place for place, _ in second]  # the process beside the long one did all the others
+        again = iter([second[4], second[0], (str(tmp_path / "g"), 0.0)])
+        done.extend((item[0], result) for item, result in pool.fed(write_line, lambda: next(again, None)))
+    assert sorted(Path(place).name for place, _ in done) == ["a", "b", "f", "g"]
+    assert all(Path(place).read_text() == "once" for place, _ in done)
+
+
+def test_what_was_foreseen_counts_for_one_round_only(tmp_path: Path) -> None:
+    with Pool(2) as pool:
+        items = iter([0.0])
+        pool.foresee(tuple)
+        list(pool.fed(process_of, lambda: next(items, None)))
+        pool.foresee(lambda: [0.25])
+        list(pool.fed(process_of, lambda: None))
+        items = iter([0.0])
+        list(pool.fed(process_of, lambda: next(items, None)))
+        assert pool._early == []

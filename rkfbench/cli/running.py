@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from itertools import repeat
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,7 @@ def experiments(
     from rkfbench.errors import RkfbenchError
     from rkfbench.own.faults import told
     from rkfbench.pool import Pool
-    from rkfbench.reproduce import experiment, times_of
+    from rkfbench.reproduce import experiment, jobs_ahead, times_of
     from rkfbench.study.engines import engine
 
     outcomes: list[Any] = []
@@ -49,7 +49,9 @@ def experiments(
                 terminal.note(f"{scenario.name}: no computing times: {told(error)}")
     with Pool(jobs) as pool, Aside(pool.workers > 1) as aside:
         how = engine(jobs, pool, scheduler)
-        for (scenario, folder), times, goal in zip(studies, clocks, goals or repeat(None), strict=False):
+        for i, (scenario, folder) in enumerate(studies):
+            if i + 1 < len(studies) and not any(goals):
+                pool.foresee(partial(jobs_ahead, *studies[i + 1], pool, full=full, fresh=fresh))
 
             def done(outcome: Any, scenario: Any = scenario, folder: Path = folder) -> None:
                 outcomes.append(outcome)
@@ -67,8 +69,8 @@ def experiments(
                     aside=aside,
                     report=listen,
                     argv=["rkfbench", *sys.argv[1:]],
-                    goal=goal,
-                    times=times,
+                    goal=goals[i] if goals else None,
+                    times=clocks[i],
                     done=done,
                 )
             terminal.note(_summary(scenario.name, so_far))

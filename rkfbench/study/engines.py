@@ -7,7 +7,7 @@ see `rkfbench.blas`.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 
 from rkfbench.pool import Pool
@@ -55,7 +55,16 @@ def automatic(jobs: Sequence[Job], pool: Pool) -> Generator[Done]:
 
 def processes(jobs: Sequence[Job], pool: Pool) -> Generator[Done]:
     """The processes of a pool, the longest jobs first."""
-    agenda = Agenda(divided(jobs, pool.workers))
+    agenda = _agenda(jobs, pool)
     for job, done in pool.fed(work, agenda.take):
         agenda.learn(job, done.seconds)
         yield done
+
+
+def in_order(jobs: Sequence[Job], pool: Pool) -> Iterator[Job]:
+    """The jobs as `processes` will ask for them, as far as that is known before any of them is done."""
+    return iter(_agenda(jobs, pool).take, None)
+
+
+def _agenda(jobs: Sequence[Job], pool: Pool) -> Agenda:
+    return Agenda(divided(jobs, pool.workers))

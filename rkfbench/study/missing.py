@@ -20,6 +20,7 @@ from rkfbench.study.plan import Stored, Unit
 
 if TYPE_CHECKING:
     from rkfbench.scenario import Scenario
+    from rkfbench.study.jobs import Job
 
 LONG = 1.0  # seconds of computing: such a part is written before its block is complete
 
@@ -38,6 +39,16 @@ def compute_missing(
     for note in loops.notes(wanted):
         report(note)
     return len(wanted), tuple(_compute(wanted, scenario, engine, report))
+
+
+def foreseen(units: Sequence[Unit], scenario: Scenario, fresh: bool) -> list[Job]:
+    """The jobs of `compute_missing`, as the folder lets expect them (fresh: it will be empty); none where files of
+    plug-ins may change meanwhile.
+    """
+    if any(unit.cell.spec.get("plugins") for unit in units):
+        return []
+    expected = ((unit, unit.labels if fresh else plan.look_up(unit).missing) for unit in units)
+    return packed([(unit, missing) for unit, missing in expected if missing], scenario.seed, scenario.runs)
 
 
 def _compute(
