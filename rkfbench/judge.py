@@ -6,7 +6,7 @@ makes. The size of a family is that of the whole paper, whatever folders are the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
@@ -95,12 +95,11 @@ def _noted(row: Row, results: Results) -> Row:
     return replace(row, judgement=replace(row.judgement, reason=reason))
 
 
-def sentences(folders: Sequence[Path]) -> Iterator[tuple[str, str, str]]:
-    """(paper, reading, what holds in one sentence) over all folders of each paper."""
+def sentences(judged: Iterable[Verified]) -> Iterator[tuple[str, str, str]]:
+    """(paper, reading, what holds in one sentence) over all that was judged of each paper."""
     found: dict[str, list[Verified]] = {}
-    for folder in folders:
-        for each in verified(folder):
-            found.setdefault(each.docket.name, []).append(each)
+    for each in judged:
+        found.setdefault(each.docket.name, []).append(each)
     for name, parts in found.items():
         docket = parts[0].docket
         verdicts = claim_verdicts(docket.paper, [row for part in parts for row in part.rows], docket.outlines)

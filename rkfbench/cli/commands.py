@@ -109,7 +109,7 @@ def reproduce(
     """
     from rkfbench.derived import of_report
     from rkfbench.errors import Different
-    from rkfbench.judge import sentences
+    from rkfbench.judge import Verified, sentences, verified
     from rkfbench.report.page import ScenarioView, write_report
     from rkfbench.reproduce import REFERENCE, RESULTS, compared_with_reference, publish, reference_study
     from rkfbench.scenario import bundled, load_bundled
@@ -117,16 +117,19 @@ def reproduce(
     loaded = list(map(load_bundled, bundled()))
     studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
     levels: dict[str, str] = {}
+    judged: dict[Path, list[Verified]] = {}
     ready: dict[str | Path, ScenarioView] = {}
 
     def look(scenario: Any, folder: Path, outcome: Any) -> None:
         levels[scenario.name] = compared_with_reference(folder, scenario.name)
+        judged[folder] = verified(folder)
         if outcome.changed:  # so the report changes, too
             ready[folder] = ScenarioView.of(folder, RESULTS).ahead()
 
+    in_turn = sorted(studies, key=lambda study: -len(study[0].figures))  # what is drawn last keeps nobody waiting
     outcomes = running.experiments(
         terminal,
-        studies,
+        in_turn,
         full=full or reference,
         fresh=fresh,
         jobs=jobs,
@@ -135,8 +138,9 @@ def reproduce(
     )
     failed = any(outcome.failures for outcome in outcomes)
     folders = []
-    for (scenario, folder), outcome in zip(studies, outcomes, strict=True):
-        if outcome.failures:
+    of_folder = {outcome.folder: outcome for outcome in outcomes}
+    for scenario, folder in studies:
+        if of_folder[folder].failures:
             continue
         if reference:
             folders.append(publish(folder, REFERENCE / scenario.name))
@@ -146,7 +150,8 @@ def reproduce(
     if folders:
         place = REFERENCE if reference else RESULTS  # the committed report stands beside its figures
         report = write_report(folders, place, of_report(folders), embedded=not reference, ready=ready)
-        rows = [{"paper": paper, "reading": reading, "claims": text} for paper, reading, text in sentences(folders)]
+        every = (each for folder in folders for each in judged.get(folder) or verified(folder))
+        rows = [{"paper": paper, "reading": reading, "claims": text} for paper, reading, text in sentences(every)]
         terminal.records(rows, ["paper", "reading", "claims"])
         terminal.note(f"report: {', '.join(map(str, report))}")
     if failed:

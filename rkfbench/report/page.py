@@ -13,7 +13,7 @@ import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 NONE: Mapping[Any, Any] = MappingProxyType({})
+NAMES = ("report.html", "report.md")
 PIXELS = 96  # of the page to an inch of a figure
 
 
@@ -66,8 +67,10 @@ class ScenarioView:
         return cls(Outcome.open(folder, rendered=True), place)
 
     def ahead(self) -> ScenarioView:
-        """The view with everything read that takes time."""
+        """The view with everything read that takes time, and the templates compiled."""
         _ = self.tables, self.figures, self.outcome.material.own_readings
+        for name in NAMES:
+            environment().get_template(f"{name}.j2")
         return self
 
     @cached_property
@@ -174,7 +177,7 @@ def write_report(
     in the page, which can go anywhere by itself; else it refers to their files. ready: views that are there already.
     """
     place = Path(out)
-    paths = [place / "report.html", place / "report.md"]
+    paths = [place / name for name in NAMES]
     if made_from and all(_bears(path, made_from) for path in paths):
         return paths
     papers = views(folders, place, ready)
@@ -211,6 +214,7 @@ def views(
     return [_paper_view(key, group) for key, group in groups.items()]
 
 
+@cache
 def environment() -> Environment:
     """The templates beside this file; HTML is escaped, Markdown is not."""
     import jinja2
