@@ -1,7 +1,7 @@
-"""Work beside the main work: things that may be done later, one after the other, by one thread.
+"""Work beside the main work: things that may be done later, by a few threads.
 
-The thread is for work that hands its heavy parts to a `Pool`: while the numbers of one experiment are computed, the
-claims and figures of the one before are made.
+The threads are for work that hands its heavy parts to a `Pool`: while the numbers of one experiment are computed, the
+claims and figures of the one before are made, and while those are drawn the tables of another one.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from typing import Self
 
 
 class Aside:
-    """A queue of calls with nothing to return, in a thread; not `threaded`, each is made at once.
+    """A queue of calls with nothing to return, in so many threads; without any, each is made at once.
 
     Leaving the `with` block waits for all of them. What one raises is raised by the next `wait`, or at the end. An
     interruption does not wait: calls that have not begun are dropped.
     """
 
-    def __init__(self, threaded: bool) -> None:
-        self._thread = ThreadPoolExecutor(1) if threaded else None
+    def __init__(self, threads: int) -> None:
+        self._threads = ThreadPoolExecutor(threads) if threads else None
         self._calls: list[Future[None]] = []
 
     def __enter__(self) -> Self:
@@ -35,15 +35,15 @@ class Aside:
             raise
         finally:
             interrupted = kind is not None and not issubclass(kind, Exception)
-            if self._thread is not None:
-                self._thread.shutdown(wait=not interrupted, cancel_futures=interrupted)
+            if self._threads is not None:
+                self._threads.shutdown(wait=not interrupted, cancel_futures=interrupted)
 
     def __call__(self, work: Callable[[], None]) -> None:
         """Do `work`, here and now or soon."""
-        if self._thread is None:
+        if self._threads is None:
             work()
         else:
-            self._calls.append(self._thread.submit(work))
+            self._calls.append(self._threads.submit(work))
 
     def wait(self) -> None:
         """Until everything is done."""

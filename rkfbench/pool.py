@@ -42,6 +42,7 @@ class Pool:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = cores() if workers is None else workers
         self._processes: ProcessPoolExecutor | None = None
+        self._starting = threading.Lock()
         self._coming: Callable[[], Iterable[Any]] = tuple
         self._early: list[tuple[Any, Any, Future[Any]]] = []  # function, item and what becomes of it
 
@@ -111,13 +112,14 @@ class Pool:
         return self._begun(function, item)
 
     def _begun(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
-        if self._processes is None:
-            import multiprocessing
-            from concurrent.futures import ProcessPoolExecutor
+        with self._starting:
+            if self._processes is None:
+                import multiprocessing
+                from concurrent.futures import ProcessPoolExecutor
 
-            blas.one_thread()
-            spawn = multiprocessing.get_context("spawn")
-            self._processes = ProcessPoolExecutor(self.workers, mp_context=spawn, initializer=_serve)
+                blas.one_thread()
+                spawn = multiprocessing.get_context("spawn")
+                self._processes = ProcessPoolExecutor(self.workers, mp_context=spawn, initializer=_serve)
         with interrupts_held():  # submitting starts the processes
             return self._processes.submit(function, item)
 

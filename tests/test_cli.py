@@ -179,6 +179,15 @@ def test_an_output_folder_below_a_file_is_one_message(small: Path) -> None:
     assert "cannot write small.yaml/r" in result.stderr
 
 
+def test_scenarios_of_the_same_name_are_not_written_into_one_folder(small: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.yaml"
+    again.write_text(small.read_text())
+    result = rkfbench("run", small, again)
+    assert result.exit_code == 2
+    assert "several scenarios would write into" in result.stderr
+    assert "give each a name of its own" in result.stderr
+
+
 def test_an_unexpected_exception_is_one_line_and_shows_its_place_with_v(
     small: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -80,6 +81,7 @@ def run(
     folders = [folder_of(scenario, overrides) for scenario in loaded]
     if out is not None:
         folders = [out if len(loaded) == 1 else out / scenario.name for scenario in loaded]
+    _check_apart(folders)
     studies = list(zip(loaded, folders, strict=True))
     if shard is None:
         goals = [running.goal(scenario, precision, max_runs) for scenario in loaded]
@@ -187,6 +189,14 @@ def validate(terminal: Terminal, scenarios: Scenarios, sets: Sets = [], sweeps: 
         terminal.object(verdicts)
     if wrong:
         raise typer.Exit(UsageError.exit_code)
+
+
+def _check_apart(folders: Sequence[Path]) -> None:
+    from rkfbench.errors import UsageError
+
+    for folder in folders:
+        if folders.count(folder) > 1:
+            raise UsageError(f"several scenarios would write into {folder}: give each a name of its own")
 
 
 def _check_together(

@@ -12,6 +12,7 @@ import typer
 
 from rkfbench.cli.terminal import Terminal
 
+ASIDE = 2  # threads: while the figures of one study are drawn, the other makes tables and claims of the next
 Studies = Sequence[tuple[Any, Path]]  # scenarios, each with its folder
 
 
@@ -36,7 +37,7 @@ def experiments(
     from rkfbench.reproduce import experiment, jobs_ahead, times_of
     from rkfbench.study.engines import engine
 
-    outcomes: list[Any] = []
+    outcomes: list[Any] = [None] * len(studies)
     clocks: list[Any] = []
     for scenario, folder in studies:
         clocks.append(None)
@@ -47,14 +48,14 @@ def experiments(
                 raise
             except Exception as error:  # of a filter that somebody wrote; the study will tell which
                 terminal.note(f"{scenario.name}: no computing times: {told(error)}")
-    with Pool(jobs) as pool, Aside(pool.workers > 1) as aside:
+    with Pool(jobs) as pool, Aside(ASIDE if pool.workers > 1 and _apart(studies) else 0) as aside:
         how = engine(jobs, pool, scheduler)
         for i, (scenario, folder) in enumerate(studies):
             if i + 1 < len(studies) and not any(goals):
                 pool.foresee(partial(jobs_ahead, *studies[i + 1], pool, full=full, fresh=fresh))
 
-            def done(outcome: Any, scenario: Any = scenario, folder: Path = folder) -> None:
-                outcomes.append(outcome)
+            def done(outcome: Any, i: int = i, scenario: Any = scenario, folder: Path = folder) -> None:
+                outcomes[i] = outcome
                 if then is not None and not outcome.failures:
                     then(scenario, folder, outcome)
 
@@ -75,6 +76,11 @@ def experiments(
                 )
             terminal.note(_summary(scenario.name, so_far))
     return outcomes
+
+
+def _apart(studies: Studies) -> bool:
+    """Whether one study can be finished while another runs: their plug-ins are looked for in one folder at a time."""
+    return len(studies) == 1 or not any("plugins" in cell.spec for scenario, _ in studies for cell in scenario.cells)
 
 
 def shards(

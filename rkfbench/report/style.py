@@ -11,6 +11,7 @@ rkfbench keeps its own. Equal data gives equal bytes: no date and no version is 
 from __future__ import annotations
 
 import io
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -81,6 +82,8 @@ UNUSED = ("GSUB", "GPOS", "GDEF", "kern")  # tables of a font
 DPI = 160
 COMPRESSION = 3  # of PNG files: 6, the usual one, takes twice as long and saves 2 %
 
+_alone = threading.RLock()
+
 
 def looks(labels: Sequence[str], names: Mapping[str, str] | None = None) -> dict[str, Look]:
     """The look of every filter of a scenario: `labels` in its order, `names` from label to the filter's own name.
@@ -131,11 +134,13 @@ def display_name(label: str) -> str:
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Matplotlib's own defaults and the settings above, whatever the user's are; undone at the end."""
+    """Matplotlib's own defaults and the settings above, whatever the user's are; undone at the end. One thread at a
+    time: settings belong to the process.
+    """
     import matplotlib
     import matplotlib.style
 
-    with matplotlib.style.context(["default", SETTINGS]):
+    with _alone, matplotlib.style.context(["default", SETTINGS]):
         yield
 
 

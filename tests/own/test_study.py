@@ -183,3 +183,20 @@ def test_nothing_is_left_to_write_when_every_filter_raises(scenario):
     assert result.exit_code == 1
     assert "returned means of shape (4, 12), expected (12, 4)" in result.stderr
     assert json.loads(Path("results/small/manifest.json").read_text())["incomplete"]
+
+
+def test_studies_with_plugins_of_their_own_do_not_disturb_each_other(scenario, tmp_path, tmp_path_factory):
+    """The same names mean other files in another folder."""
+    other = tmp_path_factory.mktemp("other") / "second.yaml"
+    text = scenario.read_text()
+    scenario.write_text(text.replace("name: small", "name: first"))
+    other.write_text(text.replace("name: small", "name: second"))
+    for name in ("plugins.py", "helper.py"):
+        (other.parent / name).write_text((scenario.parent / name).read_text() + "\n# the other one\n")
+    result = rkfbench("run", scenario, other, "--jobs", "2", "--out", tmp_path / "r")
+    assert result.exit_code == 0, result.output
+    for source in (scenario, other):
+        folder = tmp_path / "r" / yaml.safe_load(source.read_text())["name"]
+        for name in ("plugins.py", "helper.py"):
+            assert (folder / "plugins" / name).read_text() == (source.parent / name).read_text()
+        assert (folder / "summary.csv").exists()
