@@ -80,7 +80,8 @@ def experiments(
 
 def _apart(studies: Studies) -> bool:
     """Whether one study can be finished while another runs: their plug-ins are looked for in one folder at a time."""
-    return len(studies) == 1 or not any("plugins" in cell.spec for scenario, _ in studies for cell in scenario.cells)
+    cells = (cell for scenario, _ in studies for cell in (*scenario.cells, *scenario.sensitivity))
+    return len(studies) == 1 or not any("plugins" in cell.spec for cell in cells)
 
 
 def shards(

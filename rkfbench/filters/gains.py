@@ -82,7 +82,7 @@ def steps(model: Any, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Itera
 def _means(F: Array, H: Array, Bu: Array | None, y: Array, x: Array, gains: Gains) -> Array:
     """x_k of every run (T, n, M); NaN from the step on at which a run has failed."""
     KH = gains.K @ H
-    means = gains.K @ (np.where(np.isnan(y), 0.0, y) if np.isnan(gains.S).any() else y)
+    means = gains.K @ (np.where(np.isnan(y), 0.0, y) if np.isnan(y[..., 0]).any() else y)
     if Bu is not None:
         means += (Bu - KH @ Bu)[..., None]
     of_last = np.empty_like(x)
@@ -134,4 +134,5 @@ def _update(H: Array, P: Array, R: Array) -> tuple[Array, Array, Array]:
 
 
 def _symmetric(A: Array) -> Array:
+    """(A + A')/2 of matrices (n, n) or (T, n, n)."""
     return (A + A.swapaxes(-1, -2)) / 2

@@ -24,8 +24,6 @@ Table = TypeVar("Table")
 Series = tuple[str, str, str]  # reading, case, label of the filter
 RUNS = "runs.csv"
 KEYS = ("reading", "case", "run", "filter", "failed", "lost")  # leading columns of runs.csv
-
-
 Read = dict[tuple[str, str], Any]  # name and hash of a file -> what was read of it
 
 _shared: dict[Path, Read] = {}
