@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -45,6 +46,9 @@ class Pool:
         self._starting = threading.Lock()
         self._coming: Callable[[], Iterable[Any]] = tuple
         self._early: list[tuple[Any, Any, Future[Any]]] = []  # function, item and what becomes of it
+        self._modules: Sequence[str] = ()
+        self._up: list[Future[int]] = []
+        self._closing: threading.Thread | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -56,6 +60,8 @@ class Pool:
 
         children, results = multiprocessing.active_children(), self._processes._result_queue
         self._processes.shutdown(wait=kind is None, cancel_futures=True)
+        if self._closing is not None and kind is None:
+            self._closing.join()
         if kind is not None:
             for child in children:
                 child.terminate()
@@ -63,6 +69,27 @@ class Pool:
                 child.join()
             # who was reading a result that ended in the middle now meets its end instead of waiting for the rest
             results._writer.close()  # type: ignore[attr-defined]
+
+    def start(self, *modules: str) -> None:
+        """Start the processes for work that is sure to come, and let them import what it needs."""
+        if self.workers > 1:
+            self._up = [self._begun(_import, modules) for _ in range(self.workers)]
+            self._modules = modules
+
+    def started(self) -> None:
+        """Wait until all processes that were told to `start` have done so, and leave the machine alone."""
+        up: set[int] = set()
+        with told():
+            while self._up:
+                up |= {future.result() for future in self._up}
+                left = self.workers - len(up)  # one that is up may have taken what was meant for another
+                self._up = [self._begun(_import, self._modules) for _ in range(self.workers)] if left else []
+
+    def close(self) -> None:
+        """No more work comes: the processes end meanwhile, for which leaving the `with` block will wait."""
+        if self._processes is not None:
+            self._closing = threading.Thread(target=self._processes.shutdown)
+            self._closing.start()
 
     def pays(self, seconds: float) -> bool:
         """Whether so many seconds of work in several pieces are better given to the processes than done here."""
@@ -122,6 +149,13 @@ class Pool:
                 self._processes = ProcessPoolExecutor(self.workers, mp_context=spawn, initializer=_serve)
         with interrupts_held():  # submitting starts the processes
             return self._processes.submit(function, item)
+
+
+def _import(modules: Sequence[str]) -> int:
+    """Import modules; the process that has done so."""
+    for name in modules:
+        import_module(name)
+    return os.getpid()
 
 
 @contextmanager

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 RESULTS = Path("results")
 REFERENCE = RESULTS / "reference"
 LONGEST_LABEL = 80
+CELLS = 100  # of claims are measured and judged in the time of a figure
 
 
 def folder_of(scenario: Scenario, overrides: Sequence[str]) -> Path:
@@ -107,6 +108,12 @@ def jobs_ahead(
     """The jobs with which `experiment` will begin, as its folder lets expect."""
     scenario, _, _ = _measured(scenario, full)
     return in_order(foreseen(list(plan.units(scenario, folder, full)), scenario, fresh), pool)
+
+
+def finishing(scenario: Scenario) -> float:
+    """How long it takes to judge the claims of a study and to draw its figures, in figures, about."""
+    cells = [cell for docket in dockets(scenario) for cell in docket.cells if cell.form.scenario == scenario.name]
+    return len(scenario.figures) + len(cells) / CELLS
 
 
 def times_of(scenario: Scenario, folder: Path, *, full: bool = False, fresh: bool = False) -> clock.Times | None:

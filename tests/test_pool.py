@@ -3,6 +3,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
@@ -29,6 +30,10 @@ def write_line(item: tuple[str, float]) -> str:
         file.write("once")
     time.sleep(item[1])
     return item[0]
+
+
+def has_imported(module: str) -> bool:
+    return module in sys.modules
 
 
 def die(_: int) -> None:
@@ -148,3 +153,26 @@ def test_what_was_foreseen_counts_for_one_round_only(tmp_path: Path) -> None:
         items = iter([0.0])
         list(pool.fed(process_of, lambda: next(items, None)))
         assert pool._early == []
+
+
+def test_processes_that_are_started_ahead_are_up_with_their_imports_and_quiet_before_they_work() -> None:
+    with Pool(2) as pool:
+        pool.start("wave", "colorsys")
+        pool.started()
+        assert len(multiprocessing.active_children()) == 2
+        assert all(set(pool.ordered(has_imported, ["wave", "colorsys"])))
+        assert next(pool.ordered(has_imported, ["xdrlib"])) is False
+    with Pool(1) as pool:
+        pool.start("wave")
+        pool.started()
+        assert not pool.pays(100)
+
+
+def test_a_closed_pool_finishes_what_it_was_given() -> None:
+    with Pool(1) as pool:
+        future = pool.submit(process_of, 0.2)
+        pool.close()
+        with pytest.raises(RuntimeError, match="after shutdown"):
+            pool.submit(process_of, 0.0)
+    assert future.result()[0] == 0.2
+    assert not multiprocessing.active_children()

@@ -34,6 +34,11 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+# what the processes of reproduce import, to compute and to draw
+WORKING = (
+    *("rkfbench.study.compute", "rkfbench.report.render", "rkfbench.report.margins", "rkfbench.report.fonts"),
+    *("matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf"),
+)
 Scenarios = Annotated[list[str], typer.Argument(help="Scenario files, or names of bundled scenarios.")]
 
 
@@ -70,6 +75,7 @@ def run(
 
     What is already there is used again. With options that change the scenario the folder is results/SCENARIO~OPTIONS.
     """
+    from rkfbench.pool import Pool
     from rkfbench.reproduce import folder_of
     from rkfbench.scenario import load
 
@@ -85,9 +91,10 @@ def run(
     studies = list(zip(loaded, folders, strict=True))
     if shard is None:
         goals = [running.goal(scenario, precision, max_runs) for scenario in loaded]
-        outcomes = running.experiments(
-            terminal, studies, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goals=goals
-        )
+        with Pool(jobs) as pool:
+            outcomes = running.experiments(
+                terminal, studies, pool, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goals=goals
+            )
     else:
         outcomes = running.shards(terminal, studies, shard, full=full, jobs=jobs, scheduler=scheduler)
     running.show(terminal, outcomes)
@@ -112,12 +119,11 @@ def reproduce(
     from rkfbench.derived import of_report
     from rkfbench.errors import Different
     from rkfbench.judge import Verified, sentences, verified
+    from rkfbench.pool import Pool
     from rkfbench.report.page import ScenarioView, write_report
-    from rkfbench.reproduce import REFERENCE, RESULTS, compared_with_reference, publish, reference_study
+    from rkfbench.reproduce import REFERENCE, RESULTS, compared_with_reference, finishing, publish, reference_study
     from rkfbench.scenario import bundled, load_bundled
 
-    loaded = list(map(load_bundled, bundled()))
-    studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
     levels: dict[str, str] = {}
     judged: dict[Path, list[Verified]] = {}
     ready: dict[str | Path, ScenarioView] = {}
@@ -128,34 +134,41 @@ def reproduce(
         if outcome.changed:  # so the report changes, too
             ready[folder] = ScenarioView.of(folder, RESULTS).ahead()
 
-    in_turn = sorted(studies, key=lambda study: -len(study[0].figures))  # what is drawn last keeps nobody waiting
-    outcomes = running.experiments(
-        terminal,
-        in_turn,
-        full=full or reference,
-        fresh=fresh,
-        jobs=jobs,
-        scheduler=scheduler,
-        then=None if reference else look,
-    )
-    failed = any(outcome.failures for outcome in outcomes)
-    folders = []
-    of_folder = {outcome.folder: outcome for outcome in outcomes}
-    for scenario, folder in studies:
-        if of_folder[folder].failures:
-            continue
-        if reference:
-            folders.append(publish(folder, REFERENCE / scenario.name))
-        else:
-            folders.append(folder)
-            terminal.note(f"{scenario.name}: against results/reference: {levels[scenario.name]}")
-    if folders:
-        place = REFERENCE if reference else RESULTS  # the committed report stands beside its figures
-        report = write_report(folders, place, of_report(folders), embedded=not reference, ready=ready)
-        every = (each for folder in folders for each in judged.get(folder) or verified(folder))
-        rows = [{"paper": paper, "reading": reading, "claims": text} for paper, reading, text in sentences(every)]
-        terminal.records(rows, ["paper", "reading", "claims"])
-        terminal.note(f"report: {', '.join(map(str, report))}")
+    with Pool(jobs) as pool:
+        if scheduler is None and any(not (RESULTS / name).exists() for name in bundled()):
+            pool.start(*WORKING)
+        loaded = list(map(load_bundled, bundled()))
+        studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
+        in_turn = sorted(studies, key=lambda study: -finishing(study[0]))  # what comes last keeps nobody waiting
+        outcomes = running.experiments(
+            terminal,
+            in_turn,
+            pool,
+            full=full or reference,
+            fresh=fresh,
+            jobs=jobs,
+            scheduler=scheduler,
+            then=None if reference else look,
+        )
+        pool.close()
+        failed = any(outcome.failures for outcome in outcomes)
+        folders = []
+        of_folder = {outcome.folder: outcome for outcome in outcomes}
+        for scenario, folder in studies:
+            if of_folder[folder].failures:
+                continue
+            if reference:
+                folders.append(publish(folder, REFERENCE / scenario.name))
+            else:
+                folders.append(folder)
+                terminal.note(f"{scenario.name}: against results/reference: {levels[scenario.name]}")
+        if folders:
+            place = REFERENCE if reference else RESULTS  # the committed report stands beside its figures
+            report = write_report(folders, place, of_report(folders), embedded=not reference, ready=ready)
+            every = (each for folder in folders for each in judged.get(folder) or verified(folder))
+            rows = [{"paper": paper, "reading": reading, "claims": text} for paper, reading, text in sentences(every)]
+            terminal.records(rows, ["paper", "reading", "claims"])
+            terminal.note(f"report: {', '.join(map(str, report))}")
     if failed:
         raise typer.Exit(1)
     if different := [name for name, level in levels.items() if level == "different"]:

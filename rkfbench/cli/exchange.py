@@ -82,6 +82,7 @@ def score(
     """
     from rkfbench.errors import UsageError
     from rkfbench.filters.estimates import runs_of
+    from rkfbench.pool import Pool
     from rkfbench.reproduce import RESULTS
     from rkfbench.scenario import load
 
@@ -94,5 +95,6 @@ def score(
     named = dict(zip(names, estimates, strict=True))
     loaded = load(scenario, sets=sets, sweeps=sweeps, runs=runs or there, seed=seed, estimates=named)
     folder = out or RESULTS / f"{loaded.name}~score"
-    outcomes = running.experiments(terminal, [(loaded, folder)], full=full, fresh=fresh, jobs=jobs)
+    with Pool(jobs) as pool:
+        outcomes = running.experiments(terminal, [(loaded, folder)], pool, full=full, fresh=fresh, jobs=jobs)
     running.show(terminal, outcomes)

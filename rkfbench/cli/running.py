@@ -6,11 +6,14 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from rkfbench.cli.terminal import Terminal
+
+if TYPE_CHECKING:
+    from rkfbench.pool import Pool
 
 ASIDE = 2  # threads: while the figures of one study are drawn, the other makes tables and claims of the next
 Studies = Sequence[tuple[Any, Path]]  # scenarios, each with its folder
@@ -19,6 +22,7 @@ Studies = Sequence[tuple[Any, Path]]  # scenarios, each with its folder
 def experiments(
     terminal: Terminal,
     studies: Studies,
+    pool: Pool,
     *,
     full: bool,
     fresh: bool,
@@ -28,17 +32,17 @@ def experiments(
     then: Callable[[Any, Path, Any], None] | None = None,
 ) -> list[Any]:
     """Experiments one after the other; what can be made later is made beside the next, `then(scenario, folder,
-    outcome)` of the finished folder too. Clocks run before all else.
+    outcome)` of the finished folder too. Clocks run before all else, while the pool is idle.
     """
     from rkfbench.aside import Aside
     from rkfbench.errors import RkfbenchError
     from rkfbench.own.faults import told
-    from rkfbench.pool import Pool
     from rkfbench.reproduce import experiment, jobs_ahead, times_of
     from rkfbench.study.engines import engine
 
     outcomes: list[Any] = [None] * len(studies)
     clocks: list[Any] = []
+    pool.started()
     for scenario, folder in studies:
         clocks.append(None)
         with terminal.progress(scenario.name):
@@ -48,7 +52,7 @@ def experiments(
                 raise
             except Exception as error:  # of a filter that somebody wrote; the study will tell which
                 terminal.note(f"{scenario.name}: no computing times: {told(error)}")
-    with Pool(jobs) as pool, Aside(ASIDE if pool.workers > 1 and _apart(studies) else 0) as aside:
+    with Aside(ASIDE if pool.workers > 1 and _apart(studies) else 0) as aside:
         how = engine(jobs, pool, scheduler)
         for i, (scenario, folder) in enumerate(studies):
             if i + 1 < len(studies) and not any(goals):

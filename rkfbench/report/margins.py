@@ -71,7 +71,8 @@ def place(sheet: Figure, axes: Any, body: float, dpi: int) -> None:
     rows, columns = axes.shape
     # how many ticks there are depends on how long an axis is: so first it is about as long as in the end
     _spread(axes, Sides(*(np.full(count, 0.3) for count in (columns, columns, rows, rows))), box)
-    written = [_written(ax, renderer, dpi) if ax.get_visible() else NOTHING for ax in axes.flat]
+    reach = _Reach(renderer)
+    written = [_written(ax, renderer, reach, dpi) if ax.get_visible() else NOTHING for ax in axes.flat]
     left, below, right, x_label, y_label = np.array(written).T.reshape(-1, rows, columns)
     beside = Sides((left + y_label).max(0) + PAD, right.max(0), np.zeros(rows), (below + x_label).max(1) + PAD)
     wide, _ = _spread(axes, beside, box)
@@ -87,12 +88,41 @@ def place(sheet: Figure, axes: Any, body: float, dpi: int) -> None:
         ax.set_title(ax.get_title("left"), y=1 + _power(ax.yaxis) / high)
 
 
-def _written(ax: Axes, renderer: Any, dpi: int) -> Written:
+def _written(ax: Axes, renderer: Any, reach: _Reach, dpi: int) -> Written:
     """What stands beside a panel that is about where it will be."""
-    inside, x, y = ax.get_window_extent(renderer), _ticks(ax.xaxis, renderer), _ticks(ax.yaxis, renderer)
+    x, y = reach(ax, ax.xaxis), reach(ax, ax.yaxis)
     x_label, y_label = (axis.label.get_window_extent(renderer) for axis in (ax.xaxis, ax.yaxis))
-    left, below, right = (max(0.0, to) / dpi for to in (inside.x0 - y.x0, inside.y0 - x.y0, x.x1 - inside.x1))
-    return Written(left, below, right, x_label.height / dpi, y_label.width / dpi)
+    return Written(y.left / dpi, x.below / dpi, x.right / dpi, x_label.height / dpi, y_label.width / dpi)
+
+
+class Beyond(NamedTuple):
+    """How far the labels of an axis' ticks reach beyond its panel, in pixels."""
+
+    left: float = 0.0
+    below: float = 0.0
+    right: float = 0.0
+
+
+class _Reach:
+    """`Beyond` of an axis. Panels of one size that share an axis have the same labels, if any: they are measured once,
+    as to lay out ticks takes as long as to draw them.
+    """
+
+    def __init__(self, renderer: Any) -> None:
+        self.renderer = renderer
+        self.found: dict[tuple[str, Axes], Beyond] = {}
+
+    def __call__(self, ax: Axes, axis: Axis) -> Beyond:
+        is_x = axis is ax.xaxis
+        if not axis.get_tick_params()["labelbottom" if is_x else "labelleft"]:
+            return Beyond()
+        shared = ax.get_shared_x_axes() if is_x else ax.get_shared_y_axes()
+        key = "x" if is_x else "y", shared.get_siblings(ax)[0]
+        if key not in self.found:
+            inside, labels = ax.get_window_extent(self.renderer), _ticks(axis, self.renderer)
+            beyond = inside.x0 - labels.x0, inside.y0 - labels.y0, labels.x1 - inside.x1
+            self.found[key] = Beyond(*(max(0.0, to) for to in beyond))
+        return self.found[key]
 
 
 def _spread(axes: Any, sides: Sides, box: tuple[float, float, float, float]) -> tuple[float, float]:

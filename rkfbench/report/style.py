@@ -78,7 +78,6 @@ SETTINGS: dict[str, Any] = {
     "lines.linewidth": 1.3, "lines.markersize": 4.5, "lines.markeredgewidth": 0.8, "hatch.linewidth": 0.5,
     "legend.borderaxespad": 0.2, "pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "rkfbench",
 }  # fmt: skip
-UNUSED = ("GSUB", "GPOS", "GDEF", "kern")  # tables of a font
 DPI = 160
 COMPRESSION = 3  # of PNG files: 6, the usual one, takes twice as long and saves 2 %
 
@@ -161,32 +160,9 @@ def pdf(figure: Figure) -> bytes:
     """A figure as PDF, with the letters that it uses embedded; equal figures give equal bytes."""
     from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
+    from rkfbench.report import fonts
+
     out = io.BytesIO()
-    with _without_unused_tables():
+    with fonts.small():
         FigureCanvasPdf(figure).print_pdf(out, metadata={"CreationDate": None, "Creator": "rkfbench", "Producer": None})
     return out.getvalue()
-
-
-@contextmanager
-def _without_unused_tables() -> Iterator[None]:
-    """Embedded fonts without the tables for kerning and ligatures.
-
-    In a PDF every letter has its place already, so nothing reads them; reducing them to the letters used takes longer
-    than drawing the figure. Matplotlib offers no option for this: it is given fonts that have none, for the while.
-    """
-    from fontTools import subset
-
-    load = subset.load_font
-
-    def load_font(*args: Any, **options: Any) -> Any:
-        font = load(*args, **options)
-        for tag in UNUSED:
-            if tag in font:
-                del font[tag]
-        return font
-
-    subset.load_font = load_font
-    try:
-        yield
-    finally:
-        subset.load_font = load

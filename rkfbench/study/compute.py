@@ -93,17 +93,15 @@ def _narrowed(experiment: Experiment, runs: int) -> Experiment:
     return replace(experiment, filters=filters)
 
 
-def portioned(spec: Mapping[str, Any], labels: Sequence[str]) -> bool:
+def portioned(experiment: Experiment, labels: Sequence[str]) -> bool:
     """Whether one of these filters takes a few runs at a time: then it costs as much for each run in any batch."""
-    experiment = Experiment.of(spec)
     return any(isinstance(experiment.filters[label][0], PORTIONED) for label in labels)
 
 
-def sharing(spec: Mapping[str, Any], labels: Sequence[str], partners: bool = True) -> list[tuple[str, ...]]:
+def sharing(experiment: Experiment, labels: Sequence[str], partners: bool = True) -> list[tuple[str, ...]]:
     """The filters `labels` in groups that share work: a smoother with the filter that it runs on its way and, with
     `partners`, filters with those that their metrics compare them with.
     """
-    experiment = Experiment.of(spec)
     compared = _partners(experiment, labels)
     pairs = list(_hosts(experiment, [label for label in labels if label not in compared]).items())
     if partners:

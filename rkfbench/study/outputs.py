@@ -82,8 +82,7 @@ def _summary(
 ) -> Iterator[dict[str, Any]]:
     """The rows of summary.csv; those of series.csv are appended to `series` on the way."""
     for each in finished:
-        for label in each.labels:
-            part = _whole(each.units, label)
+        for label, part in _parts(each):
             identity = {**each.identity, "filter": label}
             counts = {"runs": len(part.failed), "failed": int(part.failed.sum()), "lost": int(part.lost.sum())}
             for metric, values in part.values.items():
@@ -135,6 +134,15 @@ def thinned(rows: list[dict[str, Any]], wanted: frozenset[str]) -> list[dict[str
         rows = [rows[i] for i in sorted(keep)]
     columns = {"k", *wanted} | ({"se"} if "mean" in wanted else set())
     return [{name: value if name in columns else None for name, value in row.items()} for row in rows]
+
+
+def _parts(finished: Finished) -> Iterator[tuple[str, Part]]:
+    """Filter after filter over all blocks of a cell; with a single block its file is read once."""
+    if len(finished.units) == 1:
+        parts = blocks.read(finished.units[0].path, set(finished.labels))
+        yield from ((label, parts[label]) for label in finished.labels)
+    else:
+        yield from ((label, _whole(finished.units, label)) for label in finished.labels)
 
 
 def _whole(units: Sequence[Unit], label: str) -> Part:

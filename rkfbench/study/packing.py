@@ -72,12 +72,14 @@ def _filters(job: Job, count: int, partners: bool) -> Iterator[Job]:
     together save some of the work, but keep fewer cores busy. Neither are those that take one case after the other
     anyhow, and their cases are apart, too.
     """
+    from rkfbench.experiment import Experiment
     from rkfbench.study.compute import portioned, sharing
     from rkfbench.study.wide import apart
 
-    groups = sharing(job.specs[0], job.labels, partners)
-    single = [group for group in groups if len(job.units) > 1 and apart(job.specs[0], group)]
-    dear = [group for group in groups if group not in single and portioned(job.specs[0], group)]
+    experiment = Experiment.of(job.specs[0])
+    groups = sharing(experiment, job.labels, partners)
+    single = [group for group in groups if len(job.units) > 1 and apart(experiment, group)]
+    dear = [group for group in groups if group not in single and portioned(experiment, group)]
     for group in dear:
         yield from _cases(job.of_labels(*group), max(1, count // 2))
     for some in _spread([group for group in groups if group not in single and group not in dear], count):

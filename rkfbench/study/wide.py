@@ -83,9 +83,8 @@ def alone(experiment: Experiment, world: World, streams: Streams, label: str, ke
     )
 
 
-def apart(spec: Mapping[str, Any], labels: Collection[str]) -> bool:
+def apart(experiment: Experiment, labels: Collection[str]) -> bool:
     """Whether none of these filters takes cases side by side: then a job of several cases saves nothing."""
-    experiment = Experiment.of(spec)
     return not any(goes_wide(experiment.filters[label][0]) for label in labels)
 
 

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rkfbench.report import style
-from rkfbench.report.margins import place
+from rkfbench.report.margins import _Reach, place
 from rkfbench.report.ticks import plain_ticks
 
 TITLES = ("L25: shots on w and v, j among them", "C25: no shots, j = 25", "of", "")
@@ -63,6 +63,22 @@ def test_panels_have_one_size_and_their_labels_stand_in_line() -> None:
     sizes = np.array([ax.get_position().size for ax in axes.flat])
     np.testing.assert_allclose(sizes, sizes[:1].repeat(6, axis=0))
     assert len({ax.yaxis.label.get_position()[0] for ax in axes[:, 0]}) == 1
+
+
+@pytest.mark.parametrize("share", ["all", "row", "none"])
+def test_what_panels_share_is_measured_once_and_true_of_each(share: Any) -> None:
+    with style.styled():
+        sheet = Figure(figsize=(WIDTH, 5.0))
+        axes = sheet.subplots(2, 3, squeeze=False, sharex=True, sharey=share)
+        for number, ax in enumerate(axes.flat):
+            ax.plot([1, 98], [0, 10.0**number])
+        place(sheet, axes, 4.4, style.DPI)
+        renderer: Any = FigureCanvasAgg(sheet).get_renderer()
+        once = _Reach(renderer)
+        for ax in axes.flat:
+            for axis in (ax.xaxis, ax.yaxis):
+                np.testing.assert_allclose(once(ax, axis), _Reach(renderer)(ax, axis), atol=1e-9)
+        assert len(once.found) == 1 + {"all": 1, "row": 2, "none": 6}[share]
 
 
 def test_ticks_of_few_decades_are_plain_numbers() -> None:

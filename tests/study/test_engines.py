@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from rkfbench.errors import RkfbenchError, UsageError
+from rkfbench.experiment import Experiment
 from rkfbench.pool import Pool
 from rkfbench.scenario import Scenario, load
 from rkfbench.store import Results
@@ -257,7 +258,7 @@ def test_filters_that_share_work_are_divided_last(study: Scenario, tmp_path: Pat
     units = list(plan.units(study, tmp_path, full=False))[:1]
     whole = packed([(unit, unit.labels) for unit in units], study.seed, study.runs)
     tied = [("kf", "hkf"), ("aladkf",), ("clairvoyant_kf",)]  # hkf has a metric that compares it with kf
-    assert sharing(whole[0].specs[0], whole[0].labels) == tied
+    assert sharing(Experiment.of(whole[0].specs[0]), whole[0].labels) == tied
     assert divided(whole * 4, 2) == whole * 4
     assert [job.labels for job in divided(whole, 1)] == [("kf", "hkf", "clairvoyant_kf"), ("aladkf",)]
     assert [job.labels for job in divided(whole, 2)] == [(label,) for label in whole[0].labels]
@@ -289,7 +290,7 @@ def test_particles_are_a_job_of_their_own_and_draw_once_for_all_cases_unless_the
 
 def test_a_smoother_takes_the_filter_along_that_it_runs_anyhow() -> None:
     spec = load("navigation").cells[0].spec
-    assert sharing(spec, ["ps", "pf", "kf"], partners=False) == [("ps", "pf"), ("kf",)]
+    assert sharing(Experiment.of(spec), ["ps", "pf", "kf"], partners=False) == [("ps", "pf"), ("kf",)]
 
 
 def test_the_agenda_tries_every_group_first_and_then_takes_the_longest() -> None:
