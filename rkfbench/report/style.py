@@ -152,7 +152,9 @@ def png(figure: Figure, dpi: int = DPI) -> bytes:
 
     out = io.BytesIO()
     figure.set_dpi(dpi)
-    FigureCanvasAgg(figure).print_png(out, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
+    # the canvas on which it was laid out still knows how large each text is
+    canvas = figure.canvas if type(figure.canvas) is FigureCanvasAgg else FigureCanvasAgg(figure)
+    canvas.print_png(out, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
     return out.getvalue()
 
 
