@@ -6,11 +6,13 @@ data, so that nothing depends on their number.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -26,6 +28,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 START_UP = 3.0  # seconds of work that make starting worker processes worth their start-up
+COLLECT = 100_000  # new objects, before a process looks for garbage: nearly all that there is are modules, and stay
 AHEAD = 2  # items for each worker that are on their way: one computed, one waiting beside it
 
 
@@ -145,6 +148,7 @@ class Pool:
                 from concurrent.futures import ProcessPoolExecutor
 
                 blas.one_thread()
+                _start_tracker()
                 spawn = multiprocessing.get_context("spawn")
                 self._processes = ProcessPoolExecutor(self.workers, mp_context=spawn, initializer=_serve)
         with interrupts_held():  # submitting starts the processes
@@ -177,9 +181,7 @@ def interrupts_held() -> Iterator[None]:
     """A Ctrl-C that comes now is answered afterwards. Processes started here hold theirs too, until they `_serve`:
     Ctrl-C reaches every process of a terminal, and one that is still importing would answer with a traceback.
     """
-    from multiprocessing import resource_tracker
-
-    resource_tracker.ensure_running()  # its start, which the first process would be the occasion for, unblocks signals
+    _start_tracker()  # now: its start, which the first process would be the occasion for, unblocks signals
     # Another thread may take the signal: so Python's answer waits too. It goes first, and last: nothing raises between.
     with held():
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -189,11 +191,29 @@ def interrupts_held() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
+@cache
+def _start_tracker() -> None:
+    """Start Python's process that removes what others leave behind. A command that ends at once, as after a Ctrl-C,
+    relies on it; nobody needs to read how much that was.
+    """
+    from multiprocessing import resource_tracker
+
+    name = "PYTHONWARNINGS"
+    before = os.environ.get(name)
+    os.environ[name] = ",".join(filter(None, (before, "ignore:resource_tracker:UserWarning")))
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        del os.environ[name]
+        os.environ.update({} if before is None else {name: before})
+
+
 def _serve() -> None:
     """In a worker: leave Ctrl-C to the driver, and end with the driver, however that ends."""
     import multiprocessing
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.set_threshold(COLLECT)
     driver = multiprocessing.parent_process()
 
     def follow() -> None:
