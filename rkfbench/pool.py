@@ -62,8 +62,9 @@ class Pool:
         import multiprocessing
 
         children, results = multiprocessing.active_children(), self._processes._result_queue
-        self._processes.shutdown(wait=kind is None, cancel_futures=True)
-        if self._closing is not None and kind is None:
+        if self._closing is None:
+            self._processes.shutdown(wait=kind is None, cancel_futures=True)
+        elif kind is None:  # one shutdown is enough: a second one may meet what the first has closed
             self._closing.join()
         if kind is not None:
             for child in children:

@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -168,11 +169,14 @@ def test_processes_that_are_started_ahead_are_up_with_their_imports_and_quiet_be
         assert not pool.pays(100)
 
 
-def test_a_closed_pool_finishes_what_it_was_given() -> None:
+def test_a_closed_pool_finishes_what_it_was_given_and_is_not_shut_down_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    shutdown, calls = ProcessPoolExecutor.shutdown, []
+    monkeypatch.setattr(ProcessPoolExecutor, "shutdown", lambda self: calls.append(shutdown(self)))
     with Pool(1) as pool:
         future = pool.submit(process_of, 0.2)
         pool.close()
         with pytest.raises(RuntimeError, match="after shutdown"):
             pool.submit(process_of, 0.0)
+    assert calls == [None]
     assert future.result()[0] == 0.2
     assert not multiprocessing.active_children()
