@@ -113,8 +113,8 @@ def observe(estimand: Estimand, stats: Stats, reading: str) -> Observation:
     return Observation(
         measured=run.wins() if share or on_wins else run.measure(estimand.statistic),
         decided_on="wins" if on_wins else "estimate",
-        mean=float("nan") if share else run.measure("mean").estimate,
-        median=float("nan") if share else run.measure("median").estimate,
+        mean=float("nan") if share else run.estimate("mean"),
+        median=float("nan") if share else run.estimate("median"),
         failed=failed,
         lost=lost,
         chosen=", ".join(run.chosen.values()),
@@ -176,12 +176,7 @@ class _Runs:
 
     def measure(self, statistic: str) -> Measured:
         """Estimate and standard error by replicate arrays, over the runs that failed nowhere (medians: over all)."""
-        of = replicates.STATISTICS[statistic]
-        if statistic == "median":
-            columns = {key: np.where(np.isnan(column), np.inf, column) for key, column in self.values.items()}
-        else:
-            valid = np.isfinite(np.array(list(self.values.values()))).all(axis=0)
-            columns = {key: column[valid] for key, column in self.values.items()}
+        of, columns = replicates.STATISTICS[statistic], self._columns(statistic)
         used = next(iter(columns.values())).size
         if not used:
             return Measured(float("nan"), float("nan"), 0)
@@ -195,6 +190,22 @@ class _Runs:
             terms = share_terms(self._coefficients(), np.array(list(columns.values())))
             return Measured(estimate, replicates.standard_error(combined), used, "shares", 0, scale, terms)
         return Measured(estimate, replicates.standard_error(combined), used, "t", 0, scale)
+
+    def estimate(self, statistic: Literal["mean", "median"]) -> float:
+        """The estimate of `measure` alone."""
+        of, columns = replicates.VALUES[statistic], self._columns(statistic)
+        if not next(iter(columns.values())).size:
+            return float("nan")
+        with np.errstate(all="ignore"):
+            parts = [_evaluate(point, lambda *key: of(columns[key])) for point in self.estimand.points]
+            return float(_combine(self.estimand, parts)[0])
+
+    def _columns(self, statistic: str) -> dict[tuple[str, str, str], Array]:
+        """The values that a statistic is taken of."""
+        if statistic == "median":
+            return {key: np.where(np.isnan(column), np.inf, column) for key, column in self.values.items()}
+        valid = np.isfinite(np.array(list(self.values.values()))).all(axis=0)
+        return {key: column[valid] for key, column in self.values.items()}
 
     def wins(self) -> Measured:
         """The share of runs in which the claimed order holds; a tie counts one half, a lost run as the largest value.

@@ -59,7 +59,7 @@ def median(x: Array) -> Array:
     from the products of the signs.
     """
     n = x.size
-    middle = float(np.median(x)) if n else np.nan
+    middle = _middle(x)
     if n < 2 or not np.isfinite(middle):
         return _replicates(middle, x * np.nan)
     ordered = np.sort(x)
@@ -71,7 +71,12 @@ def median(x: Array) -> Array:
     return _replicates(middle, middle - np.sign(x - middle) * se / sqrt(n - 1))
 
 
+def _middle(x: Array) -> float:
+    return float(np.median(x)) if x.size else float("nan")
+
+
 STATISTICS = {"mean": mean, "median": median, "sd": sd, "variance": variance, "rms": rms}
+VALUES = {"mean": lambda x: np.array([_mean(x)]), "median": lambda x: np.array([_middle(x)])}  # without replicates
 
 
 def standard_error(replicates: Array) -> float:

@@ -135,7 +135,7 @@ def reproduce(
             ready[folder] = ScenarioView.of(folder, RESULTS).ahead()
 
     with Pool(jobs) as pool:
-        if scheduler is None and any(not (RESULTS / name).exists() for name in bundled()):
+        if scheduler is None and (fresh or any(not (RESULTS / name).exists() for name in bundled())):
             pool.start(*WORKING)
         loaded = list(map(load_bundled, bundled()))
         studies = [reference_study(each) if reference else (each, RESULTS / each.name) for each in loaded]
