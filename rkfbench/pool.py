@@ -10,6 +10,7 @@ import gc
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -28,7 +29,8 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 START_UP = 3.0  # seconds of work that make starting worker processes worth their start-up
-COLLECT = 100_000  # new objects, before a process looks for garbage: nearly all that there is are modules, and stay
+COLLECT = 100_000  # new objects, before a process looks for garbage: modules and tables, which are most of all, stay
+SETTLE = 0.01  # seconds in which a process that is up leaves work to the others
 AHEAD = 2  # items for each worker that are on their way: one computed, one waiting beside it
 
 
@@ -160,6 +162,7 @@ def _import(modules: Sequence[str]) -> int:
     """Import modules; the process that has done so."""
     for name in modules:
         import_module(name)
+    time.sleep(SETTLE)
     return os.getpid()
 
 

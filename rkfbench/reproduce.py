@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 RESULTS = Path("results")
 REFERENCE = RESULTS / "reference"
 LONGEST_LABEL = 80
-CELLS = 100  # of claims are measured and judged in the time of a figure
+CELLS = 100  # of claims, measured and judged while two processes draw a figure, about
 
 
 def folder_of(scenario: Scenario, overrides: Sequence[str]) -> Path:

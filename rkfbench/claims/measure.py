@@ -175,7 +175,7 @@ class _Runs:
         return int(hit.sum())
 
     def measure(self, statistic: str) -> Measured:
-        """Estimate and standard error by replicate arrays, over the runs that failed nowhere (medians: over all)."""
+        """Estimate and standard error by replicate arrays, over the runs of `_columns`."""
         of, columns = replicates.STATISTICS[statistic], self._columns(statistic)
         used = next(iter(columns.values())).size
         if not used:
@@ -201,7 +201,7 @@ class _Runs:
             return float(_combine(self.estimand, parts)[0])
 
     def _columns(self, statistic: str) -> dict[tuple[str, str, str], Array]:
-        """The values that a statistic is taken of."""
+        """The values that a statistic is taken of: of the runs that failed nowhere; for medians all, failed as +inf."""
         if statistic == "median":
             return {key: np.where(np.isnan(column), np.inf, column) for key, column in self.values.items()}
         valid = np.isfinite(np.array(list(self.values.values()))).all(axis=0)

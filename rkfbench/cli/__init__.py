@@ -13,6 +13,7 @@ import sys
 from typing import NoReturn
 
 from rkfbench import blas, interrupts
+from rkfbench.pool import COLLECT
 
 INTERRUPTED = 130  # exit code, as shells have it
 
@@ -20,7 +21,7 @@ INTERRUPTED = 130  # exit code, as shells have it
 def main() -> None:
     """Entry point of the command."""
     interrupts.insist()
-    gc.set_threshold(100_000)  # modules and tables stay: looking for garbage among them takes a tenth of the start
+    gc.set_threshold(COLLECT)  # a tenth of the start, otherwise
     blas.one_thread()
     sys.unraisablehook = _unraisable
     for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a character, or a file name that is no text

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from statsmodels.stats.weightstats import DescrStatsW
 
-from rkfbench.claims.replicates import STATISTICS, mean, median, rms, sd, standard_error, variance
+from rkfbench.claims.replicates import STATISTICS, VALUES, mean, median, rms, sd, standard_error, variance
 
 X = np.random.default_rng(1).gamma(2.0, size=57)
 Y = X + np.random.default_rng(2).normal(size=57)
@@ -102,3 +102,11 @@ def test_one_run_has_no_standard_error(name: str) -> None:
 
 def test_enormous_values_give_an_infinite_error_and_no_warning() -> None:
     assert standard_error(mean(np.array([1.0, 2.0, 1e300]))) == np.inf
+
+
+@pytest.mark.parametrize("statistic", VALUES)
+@pytest.mark.parametrize("x", [[], [2.5], [3.0, -1.0, 7.0, 0.1], [1.0, np.inf, 4.0], [1.0, np.inf, np.inf]], ids=str)
+def test_a_value_alone_is_the_one_before_the_replicates(statistic: str, x: list[float]) -> None:
+    values = np.array(x)
+    with np.errstate(all="ignore"):
+        np.testing.assert_array_equal(VALUES[statistic](values), STATISTICS[statistic](values)[:1])

@@ -55,7 +55,7 @@ def test_equal_figures_are_equal_files_whatever_was_drawn_before() -> None:
     alone = drawn("RMSE of $x_k$")
     drawn("Łódź, Ærø, 1 ½")
     assert drawn("RMSE of $x_k$") == alone
-    assert subset.Subsetter is fonts.Usual
+    assert subset.Subsetter is fonts.Original
 
 
 def test_a_font_that_is_asked_for_by_characters_is_reduced_at_once() -> None:
