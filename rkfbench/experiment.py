@@ -45,6 +45,10 @@ class World:
     def known(self) -> Known:
         return Known(self.x, self.w, self.v)
 
+    def of(self, runs: slice) -> World:
+        """What happened in some of the runs."""
+        return World(self.x[..., runs], self.y[..., runs], self.x0[:, runs], self.w.of(runs), self.v.of(runs))
+
 
 @dataclass(frozen=True)
 class Experiment:

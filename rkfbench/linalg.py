@@ -20,6 +20,7 @@ Array = NDArray[Any]  # of floats, unless a docstring says otherwise
 MANY = 40_000  # multiplications that pay for the calls which save half of them
 EXP_700 = np.exp(np.full(1, -700.0))
 NOTHING = 1e-17  # less than what addition notices, relative
+LANES = 8  # runs that a vector instruction takes: BLAS rounds a batch of whole eights as it rounds any wider one
 
 
 def mul(A: Array, B: Array) -> Array:

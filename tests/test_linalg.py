@@ -154,3 +154,14 @@ def test_eigenvalues_do_not_depend_on_the_neighbours_of_a_run():
     for i in (0, 7):
         assert np.array_equal(linalg.eigvalsh(A[..., i : i + 1])[:, 0], together[:, i])
     np.testing.assert_allclose(together, np.linalg.eigvalsh(np.moveaxis(A, -1, 0)).T, rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (1, 4), (3, 4), (36, 36), (4, 300)])
+def test_a_product_of_whole_eights_of_runs_is_rounded_as_a_wider_one(shape):
+    """Cases side by side, and any number of runs, rest on this; BLAS rounds runs beyond whole eights otherwise."""
+    A, B = RNG.standard_normal(shape), RNG.standard_normal((shape[1], 4096))
+    whole = linalg.mul(A, B)
+    for width in (1, 5, 13, 52, 125):
+        for first in (0, linalg.LANES, 37):
+            runs = slice(first, first + width * linalg.LANES)
+            assert linalg.mul(A, np.ascontiguousarray(B[:, runs])).tobytes() == whole[:, runs].tobytes()

@@ -39,6 +39,21 @@ class Estimate:
     passed: Estimate | None = None
     derived: dict[str, Array] = field(default_factory=dict, repr=False)  # what metrics made of it and look at again
 
+    def of(self, runs: slice) -> Estimate:
+        """The estimate of some of the runs, as views; what all runs share stays shared."""
+
+        def cut(A: Array) -> Array:
+            return A if A.shape[-1] == 1 else A[..., runs]
+
+        return Estimate(
+            cut(self.mean),
+            None if self.cov is None else cut(self.cov),
+            cut(self.failed),
+            {name: cut(A) for name, A in self.extras.items()},
+            self.target,
+            None if self.passed is None else self.passed.of(runs),
+        )
+
 
 @dataclass(frozen=True)
 class Known:

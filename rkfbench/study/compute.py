@@ -1,7 +1,7 @@
 """Compute one block of one cell: simulate it once, run each filter on it, reduce the estimates to metrics.
 
-A pure function of plain data. Whole groups of 128 runs are computed and cut to the runs wanted, so no number depends
-on how many those are.
+A pure function of plain data. Whole groups of 128 runs are drawn, and filters take whole eights of runs of them, so no
+number depends on how many are wanted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rkfbench import metrics
 from rkfbench.experiment import Experiment
 from rkfbench.filters import Estimate
 from rkfbench.filters.particle import ParticleFilter, ParticleSmoother
-from rkfbench.linalg import Array
+from rkfbench.linalg import LANES, Array
 from rkfbench.metrics import Metric, Trial
 from rkfbench.own.filters import OneByOne
 from rkfbench.streams import GROUP, Remembered, Streams
@@ -66,17 +66,19 @@ def together(
     groups = first // GROUP, -(-(last - first) // GROUP)
     streams = Streams(seed, *groups) if len(specs) == 1 else Remembered(seed, *groups)
     cases = worlds(experiments, streams)
+    width = -(-(last - first) // LANES) * LANES
+    seen = [case._replace(world=case.world.of(slice(width))) for case in cases]
     partners = _partners(experiment, labels)
-    held = {label: estimates(cases, streams, label, keep) for label, keep in partners.items()}
+    held = {label: estimates(cases, streams, label, keep, width) for label, keep in partners.items()}
     hosts = _hosts(experiment, [label for label in labels if label not in held])
     passed: dict[str, list[Estimate | None]] = {}
     for label in sorted(labels, key=lambda label: label in hosts):  # a filter after the smoother that runs it anyhow
         found: Sequence[Estimate | None] | None = held.get(label) or passed.get(hosts.get(label, ""))
         if found is None:
             keep = _keep(_wanted(experiment, label)) | ({"passed"} if label in hosts.values() else frozenset())
-            found = estimates(cases, streams, label, keep)
+            found = estimates(cases, streams, label, keep, width)
         results = []
-        for i, (case, estimate) in enumerate(zip(cases, found, strict=True)):
+        for i, (case, estimate) in enumerate(zip(seen, found, strict=True)):
             assert estimate is not None  # a host keeps what passes through it
             others = {partner: of_cases[i] for partner, of_cases in held.items()}
             results.append(_reduce(case, label, estimate, others, last - first))

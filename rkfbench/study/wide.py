@@ -1,8 +1,9 @@
 """Wide batches: the runs of several cases side by side through one filter, as if they were one block.
 
 At 100 runs a step costs its Python calls, not its arithmetic, so four cases together cost little more than one. What a
-filter gives for a run depends on that run alone, to the last bit, so nothing else changes: whole groups of 128 runs
-stay whole. Only what is known to keep this goes wide; the rest is run case by case.
+filter gives for a run depends on that run alone, to the last bit, as long as a batch is made of whole eights: nothing
+else changes, and of the groups of 128 runs that are drawn only those wanted go in. Only what is known to keep this goes
+wide; the rest is run case by case, on whole groups.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from rkfbench.filters import Estimate
 from rkfbench.filters.baselines import BayesGrid
 from rkfbench.filters.estimates import Estimates
 from rkfbench.filters.flow import Flow
+from rkfbench.filters.particle import ParticleFilter, ParticleSmoother
 from rkfbench.filters.references import Clairvoyant, Rejecting, Truth
 from rkfbench.linalg import Array
 from rkfbench.streams import Streams
@@ -50,21 +52,28 @@ def worlds(experiments: Sequence[Experiment], streams: Streams) -> list[Case]:
     drawn = [each.drawn(streams) for each in experiments]
     starts, own_starts, w, v = zip(*drawn, strict=True)
     x, y = first.follow(_joined(starts), _joined([each.value for each in w]), _joined([each.value for each in v]))
-    own_x, own_y = (map(np.ascontiguousarray, _divided(A, len(drawn))) for A in (x, y))
+    own_x, own_y = (map(np.ascontiguousarray, np.split(A, len(drawn), axis=-1)) for A in (x, y))
     divided = zip(own_x, own_y, own_starts, w, v, strict=True)
     return [Case(each, World(*parts)) for each, parts in zip(experiments, divided, strict=True)]
 
 
-def estimates(cases: Sequence[Case], streams: Streams, label: str, keep: Collection[str]) -> list[Estimate]:
-    """The estimates of one filter in every case; the cases have the same `structure`."""
+def estimates(
+    cases: Sequence[Case], streams: Streams, label: str, keep: Collection[str], runs: int | None = None
+) -> list[Estimate]:
+    """The estimates of one filter in every case, for the first `runs` runs, whole eights of them; the cases have the
+    same `structure`.
+    """
     found: dict[int, Estimate] = {}
+    wanted = slice(runs)
     for batch in _batches(cases, label):
         together = [cases[i] for i in batch]
+        if _may_be_cut(together[0], label):
+            together = [case._replace(world=case.world.of(wanted)) for case in together]
         if len(batch) == 1:
             found[batch[0]] = alone(*together[0], streams, label, keep)
         else:
             found |= zip(batch, _side_by_side(together, streams, label, keep), strict=True)
-    return [found[i] for i in range(len(cases))]
+    return [found[i].of(wanted) for i in range(len(cases))]
 
 
 def alone(experiment: Experiment, world: World, streams: Streams, label: str, keep: Collection[str]) -> Estimate:
@@ -99,6 +108,19 @@ def goes_wide(part: Any) -> bool:
         return all(map(goes_wide, part))
     own = is_dataclass(part) and type(part).__module__.partition(".")[0] == __name__.partition(".")[0]
     return own and not isinstance(part, APART) and all(goes_wide(getattr(part, each.name)) for each in fields(part))
+
+
+def _may_be_cut(case: Case, label: str) -> bool:
+    """Whether a filter may leave runs out of the groups that were drawn: not if it draws itself, run beside run."""
+    filt = case.experiment.filters[label][0]
+    complete = not np.isnan(case.world.y).any()
+    return complete and goes_wide(filt) and goes_wide(case.experiment.assumed_model) and not _draws(filt)
+
+
+def _draws(part: Any) -> bool:
+    """Whether a filter, or one inside it, draws random numbers."""
+    inside = (getattr(part, each.name) for each in fields(part)) if is_dataclass(part) else ()
+    return isinstance(part, (ParticleFilter, ParticleSmoother)) or any(map(_draws, inside))
 
 
 def _batches(cases: Sequence[Case], label: str) -> list[list[int]]:
@@ -160,25 +182,9 @@ def _side_by_side(cases: Sequence[Case], streams: Streams, label: str, keep: Col
         keep=keep,
         streams=streams.within("filter"),
     )
-    return _parted(whole, len(cases))
-
-
-def _parted(whole: Estimate, count: int) -> list[Estimate]:
-    """The estimates of `count` cases."""
-    means, failed = _divided(whole.mean, count), _divided(whole.failed, count)
-    covs = [None] * count if whole.cov is None else _divided(whole.cov, count)
-    passed = [None] * count if whole.passed is None else _parted(whole.passed, count)
-    extras = {name: _divided(value, count) for name, value in whole.extras.items()}
-    return [
-        Estimate(means[i], covs[i], failed[i], {name: of[i] for name, of in extras.items()}, whole.target, passed[i])
-        for i in range(count)
-    ]
+    width = y.shape[-1] // len(cases)
+    return [whole.of(slice(i * width, (i + 1) * width)) for i in range(len(cases))]
 
 
 def _joined(arrays: Sequence[Array]) -> Array:
     return np.concatenate(arrays, axis=-1)
-
-
-def _divided(A: Array, count: int) -> list[Array]:
-    """The runs of `count` cases, as views; what all runs share stays shared."""
-    return [A] * count if A.shape[-1] == 1 else np.split(A, count, axis=-1)

@@ -33,7 +33,9 @@ def same(a, b, runs=slice(None)):
 
 def test_the_first_runs_of_a_long_study_are_the_short_study():
     assert block_size(40) > 1000
-    same(compute(SPEC, 7, 0, 1000, LABELS), compute(SPEC, 7, 0, 100, LABELS), slice(100))
+    long = compute(SPEC, 7, 0, 1000, LABELS)
+    for runs in (1, 7, 100, 250):
+        same(long, compute(SPEC, 7, 0, runs, LABELS), slice(runs))
 
 
 def test_no_filter_changes_the_numbers_of_another():

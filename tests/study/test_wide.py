@@ -65,16 +65,19 @@ WIDE = [(name, problem) for name, problem in SERVED if goes_wide(in_experiment(n
 
 @pytest.mark.parametrize(("name", "problem"), WIDE)
 def test_every_filter_of_the_catalogue_gives_the_same_bytes_side_by_side(name: str, problem: str) -> None:
+    """And for the first runs alone, of a case or of each of several."""
     of_cases = cases(problem, name)
     keep = everything(of_cases[0].experiment.filters["f"][0])
-    whole = estimates(of_cases, Streams(3), "f", keep)
-    for i, case in enumerate(of_cases):
-        (alone,) = estimates([case], Streams(3), "f", keep)
-        assert same(alone.mean, whole[i].mean) and same(alone.cov, whole[i].cov)
-        assert same(alone.failed, whole[i].failed)
-        assert alone.extras.keys() == whole[i].extras.keys()
-        assert all(same(value, whole[i].extras[key]) for key, value in alone.extras.items())
-    assert whole[-1].failed[5]
+    wholes = [estimates([case], Streams(3), "f", keep)[0] for case in of_cases]
+    for runs in (8, 104, 128):
+        together = estimates(of_cases, Streams(3), "f", keep, runs)
+        (first,) = estimates(of_cases[:1], Streams(3), "f", keep, runs)
+        for whole, found in zip([wholes[0], *wholes], [first, *together], strict=True):
+            part = whole.of(slice(runs))
+            assert same(part.mean, found.mean) and same(part.cov, found.cov) and same(part.failed, found.failed)
+            assert part.extras.keys() == found.extras.keys()
+            assert all(same(value, found.extras[key]) for key, value in part.extras.items())
+    assert wholes[-1].failed[5]
 
 
 PARTS = [{"weight": name} for name in filters.WEIGHTS] + [
