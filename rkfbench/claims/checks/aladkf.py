@@ -41,12 +41,13 @@ def theorem_1() -> Outcome:
     w = 10.0 ** rng.uniform(-1, 1, (N, m))
     covariance = (V * w[:, None]) @ V.transpose(0, 2, 1)
     phi = 10.0 ** -rng.uniform(0, 5, (N, m))
-    premise = np.sqrt(phi.max(1) / phi.min(1)) >= _cond(covariance)
+    cond_R = _cond(covariance)
+    premise = np.sqrt(phi.max(1) / phi.min(1)) >= cond_R
     symmetric = (V * np.sqrt(w)[:, None]) @ V.transpose(0, 2, 1)
     shortfall = 0.0
     for L in (symmetric, np.linalg.cholesky(covariance)):
         inflated = (L[premise] / phi[premise][:, None]) @ L[premise].transpose(0, 2, 1)
-        shortfall = max(shortfall, float((1 - _cond(inflated) / _cond(covariance[premise])).max()))
+        shortfall = max(shortfall, float((1 - _cond(inflated) / cond_R[premise]).max()))
     return Outcome(shortfall, 1e-9, f"{int(premise.sum())} random matrices with (46), two roots each")
 
 
