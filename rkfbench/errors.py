@@ -27,6 +27,16 @@ class UsageError(RkfbenchError):
     exit_code = 2
 
 
+class InputChanged(UsageError):
+    """What a study reads, a file or a plug-in, is not what it was when the study began; made with its name."""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.args[0]} was changed while the study ran: run the same command again "
+            "(finished blocks are kept; what the change concerns is computed anew)"
+        )
+
+
 class Different(RkfbenchError):
     """A verdict or a compared number differs from the stored one."""
 

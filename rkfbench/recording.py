@@ -60,9 +60,11 @@ def read(data: Mapping[str, Any], measurements: Sequence[str], states: Sequence[
     """The recordings that the `data` of a scenario names, for a model with these measurements and states.
 
     Raises ScenarioError with the place in the CSV file of everything that is wrong: columns that are not there, text
-    for numbers, times that do not increase, lengths that differ.
+    for numbers, times that do not increase, lengths that differ. InputChanged where a file is not the one of which
+    `data` has the hash.
     """
-    page = sheet.read(data["measurements"])
+    sha256 = data.get("sha256", {})
+    page = sheet.read(data["measurements"], sha256.get("measurements", ""))
     time = data.get("time")
     faults = page.lacking(measurements, "the model measures")
     if time is not None:
@@ -75,7 +77,9 @@ def read(data: Mapping[str, Any], measurements: Sequence[str], states: Sequence[
     times = None if time is None else _times(page, time, groups, faults)
     if faults:
         raise told(faults)
-    x = None if data.get("truth") is None else _truth(sheet.read(data["truth"]), states, time, page, groups, times)
+    x = None
+    if data.get("truth") is not None:
+        x = _truth(sheet.read(data["truth"], sha256.get("truth", "")), states, time, page, groups, times)
     shape = len(groups), -1
     return Recording(
         _runs_last(y, len(groups)),

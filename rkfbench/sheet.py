@@ -6,11 +6,13 @@ Every row is one step of one run. A fault is told with file, line and column, al
 from __future__ import annotations
 
 import csv
+import hashlib
+import io
 import math
 import sys
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
@@ -18,10 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from rkfbench.errors import Problem, ScenarioError, UsageError, did_you_mean
+from rkfbench.errors import InputChanged, Problem, ScenarioError, UsageError, did_you_mean
 from rkfbench.linalg import Array
 
 MOST_TOLD = 8  # faults of one file
+BUFFER = 1 << 16  # bytes read at a time
 MISSING = frozenset(("", "NA"))  # and what reads as nan
 KEYS = ("reading", "case", "run")  # columns that say what a row is about: text, even where they look like numbers
 
@@ -39,6 +42,7 @@ class Sheet:
     _numbers: Mapping[str, Array] = field(repr=False)  # NaN for what is missing, infinite for no number
     _texts: Mapping[str, list[str]] = field(repr=False)
     _wrong: Mapping[str, Mapping[int, str]] = field(repr=False)  # column -> row -> what is no finite number
+    sha256: str = ""  # of the bytes that were read
 
     def fault(self, message: str, row: int | None = None, column: str = "") -> Problem:
         """A fault at a cell; without a row in the header."""
@@ -89,29 +93,67 @@ def told(faults: Sequence[Problem]) -> ScenarioError:
     return ScenarioError([*faults[:MOST_TOLD], *last])
 
 
-def read(path: str | Path) -> Sheet:
+def read(path: str | Path, sha256: str = "") -> Sheet:
     """The sheet that a CSV file holds: a header of distinct names, and rows of as many cells.
 
-    Raises UsageError for what cannot be read, ScenarioError with the place of each fault in it.
+    Raises UsageError for what cannot be read, ScenarioError with the place of each fault in it. With the hash of the
+    file that is meant: InputChanged for any other.
     """
     path = Path(path)
     try:
         stat = path.stat()
-    except OSError as error:
+        page = _read(path, stat.st_mtime_ns, stat.st_size)
+    except (OSError, UsageError) as error:
+        if sha256:
+            raise InputChanged(_shown(path)) from None
+        if isinstance(error, UsageError):
+            raise
         raise UsageError(f"{_shown(path)}: {(error.strerror or str(error)).lower()}") from None
-    return _read(path, stat.st_mtime_ns, stat.st_size)
+    if sha256 not in ("", page.sha256):
+        raise InputChanged(_shown(path))
+    return page
+
+
+def content(path: str | Path, sha256: str) -> bytes:
+    """The bytes of a file; InputChanged where it has not this hash ("": where it is not there)."""
+    try:
+        found = Path(path).read_bytes()
+    except OSError:
+        raise InputChanged(_shown(Path(path))) from None
+    if sha256 not in ("", hashlib.sha256(found).hexdigest()):
+        raise InputChanged(_shown(Path(path)))
+    return found
 
 
 @lru_cache(maxsize=8)
 def _read(path: Path, *stamp: int) -> Sheet:
     shown = _shown(path)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            return _parsed(path, shown, csv.reader(file))
+        with path.open("rb", buffering=0) as file:
+            hashed = _Hashed(file)
+            text = io.TextIOWrapper(io.BufferedReader(hashed, BUFFER), encoding="utf-8-sig", newline="")
+            page = _parsed(path, shown, csv.reader(text))
+            return replace(page, sha256=hashed.hash.hexdigest())
     except OSError as error:
         raise UsageError(f"{shown}: {(error.strerror or str(error)).lower()}") from None
     except UnicodeDecodeError:
         raise UsageError(f"{shown}: not UTF-8 text") from None
+
+
+class _Hashed(io.RawIOBase):
+    """A file that is hashed while it is read, so that the hash is that of what was read."""
+
+    def __init__(self, file: io.FileIO) -> None:
+        self.file = file
+        self.hash = hashlib.sha256()
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        count = self.file.readinto(buffer) or 0
+        self.hash.update(memoryview(buffer)[:count])
+        return count
 
 
 def _parsed(path: Path, shown: str, reader: Any) -> Sheet:

@@ -14,12 +14,13 @@ from scipy.io import loadmat
 from typer.testing import CliRunner
 
 from rkfbench.cli.commands import app
-from rkfbench.errors import ScenarioError
+from rkfbench.errors import InputChanged, ScenarioError
 from rkfbench.experiment import Experiment
 from rkfbench.scenario import load
 from rkfbench.store import Results, files
 from rkfbench.streams import Streams
 from rkfbench.study.compute import compute
+from rkfbench.study.run import run_study
 from tests.conftest import SMALL
 from tests.test_readme import block
 
@@ -210,6 +211,60 @@ def test_estimates_may_stand_in_a_scenario(shown: Path) -> None:
     assert "e" in {row["filter"] for row in Results.open("results/small~runs=2").summary}
     own(Path("e.csv"), HEADER, rows(cells="2,1,1,1"))
     assert "filter e changed" in rkfbench("run", shown, "--runs", "2").stderr
+
+
+FORMS = {
+    "use": "{use: estimates, file: e.csv, label: e}",
+    "short": "{estimates: {file: e.csv}, label: e}",
+    "inside": "{quantised: {filter: {use: estimates, file: e.csv}, step: 1}, label: e}",
+    "inside, use": "{use: quantised, filter: {estimates: {file: e.csv}}, label: e}",
+}
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+def test_estimates_are_the_same_in_every_form(shown: Path, form: str) -> None:
+    own(Path("e.csv"), HEADER, rows())
+    shown.write_text(SMALL.replace("filters: [kf,", f"filters: [{form}, kf,").replace("paper: 6", "paper: 2"))
+    run_study(load(shown), Path("r"))
+    spec = load(shown).cells[0].spec
+    spec["filters"][0] = {"use": "estimates", "file": "e.csv", "case": "rate=0", "reading": "default", "label": "e"}
+    expected = compute({**spec, "metrics": ["err_norm"]}, 5, 0, 2, ["e"]).filters["e"].values["err_norm"]
+    np.testing.assert_array_equal(Results.open("r").values("default", "rate=0", "e", "err_norm"), expected)
+    assert Path("r/data/e.csv").read_bytes() == Path("e.csv").read_bytes()
+    Path("e.csv").rename("moved.csv")
+    assert run_study(load("r/scenario.yaml"), Path("r")).computed == 0
+    own(Path("e.csv"), HEADER, rows(cells="2,1,1,1"))
+    assert run_study(load(shown), Path("r")).computed == 1
+    own(Path("e.csv"), HEADER.replace("case", "cases"), rows())
+    with pytest.raises(ScenarioError, match="no column 'case'"):
+        load(shown)
+
+
+def test_an_override_may_name_another_file_of_estimates(shown: Path) -> None:
+    for name in ("e.csv", "f.csv"):
+        Path("deep").mkdir(exist_ok=True)
+        own(Path("deep") / name, HEADER, rows())
+    path = Path("deep/small.yaml")
+    text = SMALL.replace("filters: [kf,", "filters: [{use: estimates, file: e.csv, label: e}, kf,")
+    path.write_text(text.replace("paper: 6", "paper: 2") + "readings: {one: {filters.e.file: f.csv}}\n")
+    run_study(load(path), Path("r"))
+    assert {each.name for each in Path("r/data").iterdir()} == {"e.csv", "f.csv"}
+    assert run_study(load("r/scenario.yaml"), Path("r")).computed == 0
+
+
+def test_estimates_that_change_while_a_study_runs_end_it(shown: Path) -> None:
+    own(Path("e.csv"), HEADER, rows())
+    shown.write_text(SMALL.replace("filters: [kf,", "filters: [{estimates: {file: e.csv}, label: e}, kf,"))
+    spec = load(shown, runs=2).cells[0].spec
+    own(Path("e.csv"), HEADER, rows(cells="2,1,1,1"))
+    with pytest.raises(InputChanged, match=r"e\.csv was changed"):
+        compute(spec, 5, 0, 2, ["e"])
+
+
+def test_a_list_of_files_is_refused(shown: Path) -> None:
+    shown.write_text(SMALL.replace("filters: [kf,", "filters: [{use: estimates, file: [e.csv, f.csv]}, kf,"))
+    with pytest.raises(ScenarioError, match="give each a filter with a label of its own"):
+        load(shown)
 
 
 @pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")

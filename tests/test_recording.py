@@ -12,12 +12,14 @@ from typer.testing import CliRunner
 
 from rkfbench import recording
 from rkfbench.cli.commands import app
-from rkfbench.errors import ScenarioError, SpecError, UsageError
+from rkfbench.errors import InputChanged, ScenarioError, SpecError, UsageError
 from rkfbench.experiment import Experiment
 from rkfbench.scenario import load
 from rkfbench.store import Results
 from rkfbench.streams import Streams
-from rkfbench.study import plan
+from rkfbench.study import engines, plan
+from rkfbench.study.jobs import Job
+from rkfbench.study.run import run_study
 from rkfbench.study.wide import alone
 
 EXAMPLE = Path(__file__).parent / "data/drive.yaml"
@@ -282,6 +284,67 @@ def test_changed_data_is_computed_again_and_a_moved_file_is_not(drive: Path) -> 
     Path("moved/drive.csv").write_text("\n".join([*ROWS, "3.0,5,5"]) + "\n")
     result = rkfbench("run", "moved/drive.yaml", "--set", "steps=5", "--out", "results/drive")
     assert "recomputing the only case (default): recorded data changed" in result.stderr
+
+
+def changing(path: Path) -> Any:
+    """An engine that writes the file anew when the first job is done."""
+
+    def engine(jobs: Any) -> Any:
+        for job in jobs:
+            yield from engines.serial([job])
+            path.write_text("\n".join([*ROWS[:-1], "2.5,9,9"]) + "\n")
+
+    return engine
+
+
+def test_data_that_changes_while_a_study_runs_ends_it_and_what_is_finished_is_kept(drive: Path) -> None:
+    drive.write_text(SCENARIO + "readings: {a: {}, b: {assumed.cov: 2}}\n")
+    with pytest.raises(InputChanged, match=r"^drive\.csv was changed while the study ran: run the same command again"):
+        run_study(load(drive), Path("r"), engine=changing(Path("drive.csv")))
+    assert not Path("r/summary.csv").exists()
+    csv(drive, *ROWS)
+    assert run_study(load(drive), Path("r")).computed == 1
+
+
+def test_a_copy_is_of_the_data_that_made_the_numbers(drive: Path) -> None:
+    run_study(load(drive), Path("r"))
+    before = Path("r/summary.csv").read_bytes()
+    csv(drive, *ROWS[:-1], "2.5,3,5")
+    with pytest.raises(InputChanged):
+        run_study(load(drive), Path("r"), engine=changing(Path("drive.csv")))
+    assert Path("r/summary.csv").read_bytes() == before
+    Path("drive.csv").unlink()
+    assert run_study(load("r/scenario.yaml"), Path("r")).computed == 1  # the old data is there
+
+
+@pytest.mark.parametrize("row", ["2.5,9,9", "2.5,nine,9"])
+def test_a_job_refuses_other_data_than_the_study_began_with(drive: Path, row: str) -> None:
+    (cell,) = load(drive).cells
+    csv(drive, *ROWS[:-1], row)
+    with pytest.raises(InputChanged):
+        Experiment.of(cell.spec)
+    with pytest.raises(InputChanged):
+        list(engines.serial([Job((0,), (cell.spec,), 0, 0, 1, ("kf",))]))
+    (drive.parent / "drive.csv").unlink()
+    with pytest.raises(InputChanged):
+        Experiment.of(cell.spec)
+
+
+def test_copies_of_files_that_are_named_no_more_go_away(drive: Path) -> None:
+    Path("other.csv").write_text("\n".join(ROWS) + "\n")
+    run_study(load(drive), Path("r"))
+    run_study(load(drive, sets=["data.measurements=other.csv"]), Path("r"))
+    assert [path.name for path in Path("r/data").iterdir()] == ["other.csv"]
+
+
+def test_recordings_that_a_sweep_lists_are_called_as_they_are_written(drive: Path) -> None:
+    Path("deep").mkdir()
+    Path("deep/other.csv").write_text("\n".join(ROWS[:-1]) + "\n")
+    drive.write_text(SCENARIO + "sweep: {data.measurements: {values: [drive.csv], extra: [deep/other.csv]}}\n")
+    run_study(load(drive), Path("r"), full=True)
+    cases = ["measurements=drive.csv", "measurements=deep/other.csv"]
+    assert [cell.case for cell in load(drive).cells] == cases
+    assert run_study(load("r/scenario.yaml"), Path("r"), full=True).computed == 0
 
 
 def test_a_results_folder_stands_alone(drive: Path) -> None:

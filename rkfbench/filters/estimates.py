@@ -30,12 +30,14 @@ KEYS = ("run", "k")
 class Estimates:
     """Estimates read from a CSV file: columns run, k, the states, case where there are several; P_a_b for covariances.
 
-    `case` and `reading` are filled in by the scenario: of each cell the rows that are about it.
+    `case`, `reading` and `sha256` are filled in by the scenario: of each cell the rows that are about it, and of the
+    file the hash, so that no other file is read in its place.
     """
 
     file: Annotated[str, "the CSV file, as seen from the scenario file"]
     case: Annotated[str, "the case whose rows are read"] = ""
     reading: Annotated[str, "the reading whose rows are read"] = ""
+    sha256: Annotated[str, "SHA-256 of the file"] = ""
 
     sees = frozenset({"cov"})
 
@@ -56,7 +58,7 @@ class Estimates:
 
         After the last run of the file they begin anew: filters work on whole groups of runs.
         """
-        page = sheet.read(self.file)
+        page = sheet.read(self.file, self.sha256)
         place = {"case": self.case, "reading": self.reading}
         mean, cov = table(page, place, model.states, y.shape[0])
         runs = (GROUP * (streams.first if streams else 0) + np.arange(y.shape[2])) % mean.shape[2]

@@ -10,46 +10,65 @@ beside it, so that the folder can be run again wherever it is.
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
-from rkfbench.errors import SpecError, did_you_mean, nearest
-from rkfbench.scenario.override import graft
+from rkfbench.errors import SpecError, nearest
+from rkfbench.scenario import estimates
+from rkfbench.scenario.override import entry_name, graft
 from rkfbench.scenario.scenario import Cell
 from rkfbench.scenario.schema import Experiment
-from rkfbench.scenario.yaml import Map, Mark, Seq, marked
+from rkfbench.scenario.yaml import Map, Seq
 
 FILES = ("measurements", "truth")  # keys of `data` that name files
 SIMULATED = ("steps", "start", "measurement_noise")  # what an experiment cannot do without, unless it has data
-ESTIMATES = "estimates"  # the filter that reads what another program wrote
 COPIES = "data"  # the folder of the copies in a results folder
 
 
 def absolute(document: Map, folder: Path) -> Map:
     """The document with the paths of its files made absolute; `folder` is that of the scenario file."""
-    changed: Map = _mapped(document, lambda path: str((folder / path).absolute()))
+    changed: Map = _mapped(_labelled(document), lambda path: str((folder / path).absolute()))
     return changed
 
 
-def carried(resolved: Any, folder: Path) -> Any:
-    """A resolved scenario whose files stand in a folder of copies beside it; copies them into the results `folder`."""
-    places: dict[str, Path] = {}
+def _labelled(document: Map) -> Map:
+    """The document with a label for each file that a sweep lists: its path as it is written."""
+    sweep, reading = document.get("sweep"), _reading(document)
+    if not isinstance(sweep, Map):
+        return document
+    new = document.copy()
+    new["sweep"] = sweep.copy()
+    for key, points in sweep.items():
+        if _names_file(key, reading):
+            new["sweep"][key] = _with_labels(points)
+    return new
+
+
+def _with_labels(points: Any) -> Any:
+    if isinstance(points, Seq):
+        named = Map(points.mark)
+        for path, at in zip(points, points.values_at, strict=True):
+            named.put(str(path), path, at, at)
+        return named
+    if isinstance(points, Map) and "values" in points:
+        tiers = points.copy()
+        tiers.update({key: _with_labels(each) for key, each in points.items()})
+        return tiers
+    return points
+
+
+def carried(resolved: Mapping[str, Any]) -> tuple[Any, dict[str, str]]:
+    """A resolved scenario whose files stand in a folder of copies beside it, and the file behind each copy, by name."""
+    names: dict[str, str] = {}
 
     def copy(path: str) -> str:
-        if path not in places:
-            source = Path(path)
-            taken = {each.name for each in places.values()}
-            name = next(each for each in _names(source) if each not in taken)
-            places[path] = folder / COPIES / name
-            if source.absolute() != places[path].absolute():
-                places[path].parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(source, places[path])
-        return f"{COPIES}/{places[path].name}"
+        if path not in names:
+            names[path] = next(each for each in _names(Path(path)) if each not in names.values())
+        return f"{COPIES}/{names[path]}"
 
-    return _mapped(resolved, copy)
+    changed = _mapped(resolved, copy)
+    return changed, {name: path for path, name in names.items()}
 
 
 def _names(path: Path) -> Iterator[str]:
@@ -57,23 +76,70 @@ def _names(path: Path) -> Iterator[str]:
     yield from (f"{path.stem}-{i}{path.suffix}" for i in range(2, 10_000))
 
 
-def _mapped(node: Any, change: Callable[[str], str], inside: str = "") -> Any:
-    """The document with `change` applied to every path of a file; `inside` is the key under which `node` stands."""
-    if isinstance(node, str) and inside in {f"data.{key}" for key in FILES}:
-        return change(node)
+def _mapped(document: Mapping[str, Any], change: Callable[[str], str]) -> Any:
+    """The document with `change` applied to every path of a file."""
+
+    def file(params: Any) -> Any:
+        new = params.copy()
+        if isinstance(path := params.get("file"), str):
+            new["file"] = change(path)
+        return new
+
+    return _of_data(estimates.changed(document, file), change, _reading(document))
+
+
+def _reading(document: Mapping[str, Any]) -> Set[str | None]:
+    """The filters that read a file, by the names under which overrides address them."""
+    filters = document.get("filters")
+    return {entry_name(each) for each in filters if estimates.within(each)} if isinstance(filters, list) else set()
+
+
+def _of_data(node: Any, change: Callable[[str], str], reading: Set[str | None], inside: str = "") -> Any:
+    """The same for the paths of `data`, and for those in overrides and sweeps; `inside` is the key under which `node`
+    stands, `reading` are the filters that read a file.
+    """
+    if isinstance(node, str):
+        return change(node) if _names_file(inside, reading) else node
     if isinstance(node, Mapping):
         new: Any = node.copy()  # type: ignore[attr-defined]
         for key, value in node.items():
-            if (inside == "data" and key in FILES) or (key == "file" and node.get("use") == ESTIMATES):
-                new[key] = change(value) if isinstance(value, str) else value
-            else:  # the values of a sweep or override of data.truth are paths themselves
-                new[key] = _mapped(value, change, inside if inside.startswith("data.") else key)
+            path = f"{inside}.{key}" if inside == "data" else key
+            # the values of a sweep or override of data.truth are paths themselves
+            new[key] = _of_data(value, change, reading, inside if _names_file(inside, reading) else path)
         return new
     if isinstance(node, list):
         new = node.copy()
-        new[:] = [_mapped(each, change, inside) for each in node]
+        new[:] = [_of_data(each, change, reading, inside) for each in node]
         return new
     return node
+
+
+def _names_file(key: str, reading: Set[str | None]) -> bool:
+    """Whether what an override or a sweep has under `key` are paths: `data.truth`, `filters.mine.file`."""
+    section, *inner = key.split(".")
+    if section == "data":
+        return len(inner) == 1 and inner[0] in FILES
+    return section == "filters" and len(inner) > 1 and inner[0] in reading and inner[-1] == "file"
+
+
+def pinned(spec: Mapping[str, Any]) -> dict[str, Any]:
+    """The cell with the hash of each file of its recorded data, so that no other file is read in its place."""
+    from rkfbench import sheet
+
+    data = spec.get("data")
+    if not data:
+        return {**spec}
+    return {**spec, "data": {**data, "sha256": {key: sheet.read(data[key]).sha256 for key in FILES if data.get(key)}}}
+
+
+def hashes(cells: Sequence[Cell]) -> dict[str, str]:
+    """The files that cells read, each with the hash of what they read in it."""
+    found: dict[str, str] = {}
+    for cell in cells:
+        data = cell.spec.get("data") or {}
+        found |= {data[key]: sha256 for key, sha256 in data.get("sha256", {}).items()}
+        found |= {each["file"]: each["sha256"] for each in estimates.within(cell.spec["filters"])}
+    return found
 
 
 def with_steps(spec: Map) -> Map:
@@ -110,75 +176,3 @@ def recorded_runs(cells: Sequence[Cell]) -> int | None:
 
     counts = [recording.size(cell.spec["data"])[0] for cell in cells if cell.spec.get("data")]
     return min(counts) if counts else None
-
-
-def placed(cells: Sequence[Cell], runs: int) -> list[Cell]:
-    """The cells with their estimates: each filter that reads a file is told which rows are its own, and left out where
-    the file says nothing of the cell.
-
-    Rows without a reading are about the first one. Raises ScenarioError with the place in a file of everything wrong.
-    """
-    entries = [each for cell in cells for each in cell.spec["filters"] if each.get("use") == ESTIMATES]
-    groups = {file: _groups(file, cells, runs) for file in dict.fromkeys(each["file"] for each in entries)}
-    if not groups:
-        return [*cells]
-    return [replace(cell, spec={**cell.spec, "filters": list(_own(cell, groups))}) for cell in cells]
-
-
-def _own(cell: Cell, groups: Mapping[str, Collection[tuple[str, str]]]) -> Iterator[Any]:
-    for each in cell.spec["filters"]:
-        if each.get("use") != ESTIMATES:
-            yield each
-        elif cell.switch is None and (cell.reading, cell.case) in groups[each["file"]]:
-            yield {**each, "reading": cell.reading, "case": cell.case}
-
-
-def _groups(file: str, cells: Sequence[Cell], runs: int) -> list[tuple[str, str]]:
-    """The cells (reading, case) that a file of estimates is about; all its rows are looked at."""
-    from rkfbench import models, sheet
-    from rkfbench.filters.estimates import PLACE, cells_of, table
-
-    page = sheet.read(file)
-    there = [cell for cell in cells if cell.switch is None]
-    known = {key: list(dict.fromkeys(getattr(cell, key) for cell in there)) for key in PLACE}
-    given = [key for key in PLACE if key in page.columns]
-    if "case" not in given and len(known["case"]) > 1:
-        raise sheet.told([page.fault(f"no column 'case', and the scenario has {', '.join(known['case'])}")])
-    found = []
-    for key, (row, count) in cells_of(page).items():
-        place = {name: names[0] for name, names in known.items()} | dict(zip(given, key, strict=True))
-        for name in given:
-            if place[name] not in known[name]:
-                message = f"no {name} '{place[name]}' in the scenario{did_you_mean(place[name], known[name])}"
-                raise sheet.told([page.fault(message, row, name)])
-        if count < runs:
-            raise sheet.told([page.fault(f"{count} runs here, the study has {runs}: add --runs {count}", row, "run")])
-        cell = next(each for each in there if (each.reading, each.case) == (place["reading"], place["case"]))
-        table(page, place, models.build(cell.spec["model"]).states, cell.spec["steps"])
-        found.append((cell.reading, cell.case))
-    return found
-
-
-def with_estimates(document: Map, estimates: Mapping[str, Path]) -> Map:
-    """The document with one more filter for each label and file of estimates, shown in all its tables and figures."""
-    for label, file in estimates.items():
-        at = Mark(f"--label {label}")
-        entry = marked({"use": ESTIMATES, "file": str(file.absolute()), "label": label}, at)
-        document = _added(document, "filters", entry, at)
-        for section in ("tables", "figures"):
-            if isinstance(shown := document.get(section), Seq):
-                new = shown.copy()
-                new[:] = [_added(each, "filters", label, at) if isinstance(each, Map) else each for each in shown]
-                document = graft(document, section, new, document.values_at[section])
-    return document
-
-
-def _added(node: Map, key: str, value: Any, at: Mark) -> Map:
-    """`node` with one more entry in the list at `key`, where there is one."""
-    if not isinstance(listed := node.get(key), Seq):
-        return node
-    longer = listed.copy()
-    longer.add(value, at)
-    new = node.copy()
-    new.put(key, longer, node.keys_at[key], node.values_at[key])
-    return new

@@ -22,6 +22,7 @@ from rkfbench.filters import FILTERS
 from rkfbench.own import short
 from rkfbench.scenario.defaults import PARTS
 from rkfbench.scenario.display import Strict
+from rkfbench.scenario.estimates import within
 from rkfbench.scenario.override import graft
 from rkfbench.scenario.schema import FilterAssumed
 from rkfbench.scenario.yaml import Map, Mark, Seq, marked
@@ -49,6 +50,8 @@ def expanded(filters: Seq) -> Seq:
         try:
             entry = _entry(written, at)
             check(Head, {key: entry[key] for key in HEAD if key in entry})
+            if any(isinstance(each.get("file"), list) for each in within(entry)):
+                raise SpecError("`file` is one file: give each a filter with a label of its own")
             for each in _each_value(entry, at):
                 if each["label"] in labels:
                     raise SpecError(f"two filters are labelled '{each['label']}': give one of them another label")

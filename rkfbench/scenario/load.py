@@ -18,6 +18,7 @@ from rkfbench.errors import Path, Problem, ScenarioError, SpecError, UsageError
 from rkfbench.scenario import attached, files, yaml
 from rkfbench.scenario.check import SECTIONS, Checker
 from rkfbench.scenario.defaults import completed_filter, completed_kinds
+from rkfbench.scenario.estimates import placed, with_estimates
 from rkfbench.scenario.expand import between, columns, drafts
 from rkfbench.scenario.locate import in_order, located
 from rkfbench.scenario.names import unknown_names
@@ -50,7 +51,7 @@ def load(
     document = yaml.read(path, files.display(path))
     problems: list[Problem] = []
     document = _with_options(document, sets, sweeps, runs, seed, problems)
-    document = attached.absolute(attached.with_estimates(document, estimates or {}), path.parent)
+    document = attached.absolute(with_estimates(document, estimates or {}), path.parent)
     plugins = path.absolute().parent / str(document.get("plugins") or "")
     own.beside(plugins)
     file = _checked(document, problems)
@@ -64,7 +65,8 @@ def load(
             problems += located(document, faults)
     if problems or file is None:
         raise ScenarioError(in_order(problems))
-    cells = attached.placed(cells, file.runs.paper)
+    cells = placed(cells, file.runs.paper)
+    resolved, copies = _resolved(document, file)
     return Scenario(
         name=file.name,
         title=file.title,
@@ -84,7 +86,8 @@ def load(
         tables=tuple(file.tables),
         figures=tuple(file.figures),
         claims=tuple(file.claims),
-        resolved=_resolved(document, file),
+        resolved=resolved,
+        copies=copies,
     )
 
 
@@ -211,15 +214,19 @@ def _cells(document: Map, problems: list[Problem]) -> Iterator[Cell]:
 
 
 def _pinned(cell: Cell, plugins: FilePath) -> Cell:
-    """The cell with the plug-ins that it names, and what must not change while they are used."""
-    sources = own.pins(cell.spec)
-    if not sources:
-        return cell
-    return replace(cell, spec={**cell.spec, "plugins": {"folder": str(plugins), "sources": sources}})
+    """The cell with the hashes of its recorded data and of the plug-ins that it names, which must not change while
+    they are used.
+    """
+    spec = attached.pinned(cell.spec)
+    if sources := own.pins(spec):
+        spec["plugins"] = {"folder": str(plugins), "sources": sources}
+    return replace(cell, spec=spec)
 
 
-def _resolved(document: Map, file: ScenarioFile) -> dict[str, Any]:
-    """The document with every default written out, but for parts whose kind an override changes."""
+def _resolved(document: Map, file: ScenarioFile) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The document with every default written out, but for parts whose kind an override changes; and the files of its
+    plug-ins.
+    """
     written = yaml.plain(document)
     settings = yaml.plain(file.model_dump(include={"name", "seed", "runs", *SECTIONS}, exclude_none=True))
     overridden = [*document.get("sweep", {})]
@@ -229,6 +236,6 @@ def _resolved(document: Map, file: ScenarioFile) -> dict[str, Any]:
     complete = completed_kinds(document) | {"filters": [completed_filter(each) for each in document["filters"]]}
     full = {**written, **settings, **complete} | {key: written[key] for key in rekinded}
     full.pop("plugins", None)
-    if own.copies(full):
+    if copies := own.copies(full):
         full["plugins"] = own.COPIES
-    return {key: full[key] for key in (*META, *ScenarioFile.model_fields) if key in full}
+    return {key: full[key] for key in (*META, *ScenarioFile.model_fields) if key in full}, copies

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -46,3 +46,4 @@ class Scenario:
     figures: tuple[Figure, ...]
     claims: tuple[Claim, ...]
     resolved: dict[str, Any]  # the file with options and defaults written out: can be stored and run again
+    copies: dict[str, bytes] = field(default_factory=dict)  # the files of its plug-ins as they were read, by path

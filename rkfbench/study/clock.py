@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rkfbench.scenario import estimates
 from rkfbench.store import files, manifest
 from rkfbench.study import plan
 from rkfbench.study.summary import summarise
@@ -96,7 +97,7 @@ def _cells(scenario: Scenario, full: bool) -> list[Cell]:
 
 
 def _labels(cell: Cell, wanted: Wanted, full: bool) -> list[str]:
-    ours = (each for each in cell.spec["filters"] if each.get("use") != "estimates")  # made elsewhere
+    ours = (each for each in cell.spec["filters"] if not estimates.within(each))  # made elsewhere
     of_tier = [each["label"] for each in ours if full or not each.get("extra")]
     return [label for label in of_tier if label in wanted.get(cell.case, ())]
 

@@ -96,7 +96,7 @@ def _result(future: Future) -> Done:
 def checked(job: Job, code: str) -> Done:
     """`work` on a worker, unless that has other code than the driver: its numbers might differ."""
     if code_hash() != code:
-        raise RkfbenchError("a dask worker has another version of rkfbench or numpy than this machine")
+        raise RkfbenchError("a dask worker has another version of rkfbench, numpy or scipy than this machine")
     return work(job)
 
 

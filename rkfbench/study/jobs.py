@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from rkfbench.errors import InputChanged
 from rkfbench.own.faults import told
 from rkfbench.store.blocks import Array, Curve, Part
 
@@ -102,6 +103,8 @@ def stream(job: Job) -> Iterator[Done]:
             yield Done({(unit, label): part for unit, part in zip(job.units, parts, strict=True)}, {}, now - begin)
             begin = time.perf_counter()
         return
+    except InputChanged:  # no filter's fault: nothing more of this study can be computed
+        raise
     except Exception as error:
         reason = error
         if job.size == 1:

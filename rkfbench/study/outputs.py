@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rkfbench import metrics, own
-from rkfbench.scenario.attached import carried
+from rkfbench import metrics, own, sheet
+from rkfbench.scenario import attached
 from rkfbench.scenario.yaml import dump
 from rkfbench.store import blocks, files
 from rkfbench.store.blocks import Curve, Part
@@ -46,12 +46,31 @@ class Finished:
         return {"reading": plan.reading(self.cell), "case": self.cell.case, **self.cell.point}
 
 
-def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> None:
-    """Write scenario.yaml, filters.csv, summary.csv, series.csv and runs.csv."""
-    with files.writing(folder):
-        resolved = carried(scenario.resolved, folder)
-    files.write(folder / "scenario.yaml", dump(resolved))
-    _write_plugins(folder / own.COPIES, own.copies(scenario.resolved))
+@dataclass(frozen=True)
+class Held:
+    """What a study was made from: the scenario, and by path in the results folder the data and plug-ins beside it."""
+
+    scenario: str
+    copies: Mapping[str, Mapping[str, bytes]]  # folder -> path in it -> content
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Held:
+        """InputChanged where a file of data is not there as it was read."""
+        resolved, named = attached.carried(scenario.resolved)
+        read = attached.hashes([*scenario.cells, *scenario.sensitivity])
+        data = {name: sheet.content(path, read.get(path, "")) for name, path in named.items()}
+        return cls(dump(resolved), {attached.COPIES: data, own.COPIES: scenario.copies})
+
+    def write(self, folder: Path) -> None:
+        """Write it into the results folder, so that the stored scenario can be run again."""
+        files.write(folder / "scenario.yaml", self.scenario)
+        for name, contents in self.copies.items():
+            _write_copies(folder / name, contents)
+
+
+def write(folder: Path, held: Held, scenario: Scenario, finished: Sequence[Finished]) -> None:
+    """Write scenario.yaml with its copies, filters.csv, summary.csv, series.csv and runs.csv."""
+    held.write(folder)
     _write_filters(folder / "filters.csv", finished)
 
     finished = [each for each in finished if each.labels]  # there is no block where every filter raised
@@ -67,8 +86,8 @@ def write(folder: Path, scenario: Scenario, finished: Sequence[Finished]) -> Non
     files.write_csv(folder / "runs.csv", [*KEYS, *names], _runs(finished, names))
 
 
-def _write_plugins(folder: Path, copies: Mapping[str, bytes]) -> None:
-    """The files of plug-ins, so that the stored scenario can be run again; those of an earlier run go away."""
+def _write_copies(folder: Path, copies: Mapping[str, bytes]) -> None:
+    """Copies of files; those of an earlier run go away."""
     for path in [each for each in folder.rglob("*") if each.is_file()]:
         if path.relative_to(folder).as_posix() not in copies:
             with files.writing(path):

@@ -11,12 +11,13 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rkfbench import metrics, own
-from rkfbench.store import blocks, files, manifest
+from rkfbench.scenario import estimates
+from rkfbench.store import blocks, manifest
 
 if TYPE_CHECKING:
     from rkfbench.scenario import Cell, Scenario
@@ -112,7 +113,7 @@ def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
     """For each filter of a cell the key of its numbers, but for the runs."""
     shared = {key: value for key, value in spec.items() if key not in ("filters", "metrics", "data", "plugins")}
     filters = {
-        each["label"]: digest({k: v for k, v in _contents(each).items() if k not in ("extra", "timing")})
+        each["label"]: digest({k: v for k, v in _wherever(each).items() if k not in ("extra", "timing")})
         for each in spec["filters"]
     }
     partners = sorted({label for name in spec["metrics"] for label in metrics.get(name).quantity.partners})
@@ -122,8 +123,8 @@ def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
         "scenario": digest(shared),
         "metrics": digest([spec["metrics"], [filters.get(label) for label in partners]]),
     }
-    if spec.get("data"):
-        common["data"] = digest(_contents(spec["data"]))
+    if data := spec.get("data"):
+        common["data"] = digest({key: value for key, value in {**data, **data["sha256"]}.items() if key != "sha256"})
     return {label: {**common, "filter": one, **_plugins(spec, {label, *partners})} for label, one in filters.items()}
 
 
@@ -136,17 +137,10 @@ def _plugins(spec: Mapping[str, Any], labels: Set[str]) -> Key:
     return {"plugins": found} if found else {}
 
 
-def _contents(spec: Mapping[str, Any]) -> dict[str, Any]:
-    """Data, or a filter, with the hash of a file in the place of its path: where a file stands does not matter."""
-    named = ("measurements", "truth") if "use" not in spec else ("file",) if spec["use"] == "estimates" else ()
-    paths = {key: Path(spec[key]) for key in named if spec.get(key)}
-    return {**spec, **{key: sha256(path, path.stat().st_mtime_ns) for key, path in paths.items()}}
-
-
-@lru_cache(maxsize=64)
-def sha256(path: Path, modified: int) -> str:
-    """SHA-256 of a file as it was at that time."""
-    return files.sha256(path)
+def _wherever(filter: Mapping[str, Any]) -> dict[str, Any]:
+    """A filter without the paths of files that it reads: their hashes are there, and where they stand is no matter."""
+    changed: dict[str, Any] = estimates.changed(filter, lambda params: {k: v for k, v in params.items() if k != "file"})
+    return changed
 
 
 def look_up(unit: Unit) -> Stored:
@@ -173,13 +167,15 @@ def digest(data: Any) -> str:
 
 @cache
 def code_hash() -> str:
-    """A hash of the sources of the compute part and of the version of NumPy, which together make the numbers."""
-    import numpy
+    """A hash of the sources of the compute part and of the versions of NumPy and SciPy, which together make the
+    numbers.
+    """
+    from importlib.metadata import version
 
     root = Path(__file__).parents[1]
     sources = (root / name for name in COMPUTE)
     every = [file for path in sources for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])]
-    return hash_files(root, every, numpy.__version__)
+    return hash_files(root, every, version("numpy"), version("scipy"))
 
 
 def hash_files(root: Path, sources: Sequence[Path], *more: str) -> str:

@@ -212,9 +212,10 @@ def _write_tables(
     hashes = {"plan": plan.digest(made_from), "code": plan.code_hash()}
     if _up_to_date(folder, hashes):
         return False
+    held = outputs.Held.of(scenario)  # before anything goes away
     for name in DERIVED:  # they speak of the old numbers
         _remove(folder / name)
-    outputs.write(folder, scenario, finished)
+    outputs.write(folder, held, scenario, finished)
     return manifest.seal(
         folder,
         scenario=scenario.name,

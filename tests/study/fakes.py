@@ -40,6 +40,7 @@ class Scenario:
     sensitivity: tuple[Cell, ...] = ()
     figures: tuple[Any, ...] = ()
     resolved: dict[str, Any] = field(default_factory=lambda: {"name": "toy", "seed": 7})
+    copies: dict[str, bytes] = field(default_factory=dict)
 
     def changed(self, **spec: Any) -> Scenario:
         """The same study with entries of every cell's specification replaced."""
