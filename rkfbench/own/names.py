@@ -17,8 +17,9 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
-from rkfbench.errors import RkfbenchError, SpecError, did_you_mean
+from rkfbench.errors import InputChanged, SpecError, did_you_mean
 from rkfbench.own import sources
+from rkfbench.own.sources import Source
 
 PEERS = "rkfbench.adapters."  # modules that need the extra `peers`
 OWN = "rkfbench/own/"
@@ -27,27 +28,28 @@ GROUPS = ("filters", "models", "noises", "metrics", "weights")
 
 @dataclass(frozen=True)
 class Loaded:
-    """A plug-in's module, its sources by module name, and their hash as they were when it was imported.
+    """A plug-in's module, what it is made of, and the hash of that, as they were when it was imported.
 
-    `folder` is that of the scenario, for a file there; None for a module of an installed package.
+    `folder` is that of the scenario, for a file there; None for a module that Python has found.
     """
 
     module: ModuleType
     folder: Path | None
-    sources: Mapping[str, Path]
+    sources: Mapping[str, Source]
     digest: str
 
     @classmethod
     def of(cls, module: ModuleType, folder: Path | None) -> Loaded:
         inside = sources.closure(Path(str(module.__file__)), module.__name__, folder)
-        return cls(module, folder, inside, sources.digest(inside, folder is None))
+        return cls(module, folder, inside, sources.digest(inside, folder))
 
     @property
     def stale(self) -> bool:
-        """Whether the sources have changed on the disk."""
-        if not all(path.exists() for path in self.sources.values()):
+        """Whether what it is made of has changed on the disk."""
+        try:
+            return Loaded.of(self.module, self.folder).digest != self.digest
+        except (OSError, SpecError):  # something is not there any more
             return True
-        return Loaded.of(self.module, self.folder).digest != self.digest
 
 
 _folder: list[Path] = []  # at most one
@@ -121,25 +123,30 @@ def pins(data: Any) -> dict[str, str]:
 
 
 def ready(folder: str, sources: Mapping[str, str]) -> None:
-    """Import plug-ins as another process did; RkfbenchError if their sources are not the same any more."""
+    """Import plug-ins as another process did; InputChanged if they are not the same any more."""
     beside(Path(folder))
     for name, digest in sources.items():
-        for group in GROUPS if not is_reference(name) else ():
-            find_installed(group, name)
-        if is_reference(name):
-            find(name)
+        try:
+            for group in GROUPS if not is_reference(name) else ():
+                find_installed(group, name)
+            if is_reference(name):
+                find(name)
+        except SpecError:
+            raise InputChanged(f"the source of {name}") from None
         if _loaded[_homes[name]].digest != digest:
-            raise RkfbenchError(f"the source of {name} was changed while the study ran: run it again")
+            raise InputChanged(f"the source of {name}")
 
 
 def copies(data: Any) -> dict[str, bytes]:
-    """The files beside the scenario that the plug-ins of a description are made of, by their path in its folder."""
+    """The files beside the scenario that the plug-ins of a description are made of, by their path in its folder, as
+    they were when they were imported.
+    """
     found: dict[str, bytes] = {}
     for name in pins(data):
         loaded = _loaded[_homes[name]]
-        if loaded.folder is not None:
-            for path in loaded.sources.values():
-                found[path.relative_to(loaded.folder).as_posix()] = path.read_bytes()
+        for path, content in loaded.sources.values():
+            if loaded.folder is not None and path.is_relative_to(loaded.folder):
+                found[path.relative_to(loaded.folder).as_posix()] = content
     return found
 
 
@@ -192,7 +199,7 @@ def _imported(home: str) -> Loaded:
         raise SpecError(f"{home} is not a module with a file of its own")
     loaded = Loaded.of(module, None if file is None else _current())
     if file is not None:
-        for name, path in loaded.sources.items():
+        for name, (path, _) in loaded.sources.items():
             taken = getattr(sys.modules.get(name), "__file__", None)
             if path != file and taken is not None and not path.samefile(taken):
                 raise SpecError(f"it imports '{name}', which is {taken}: give {path.name} another name")
@@ -248,7 +255,7 @@ def _forget(home: str) -> None:
 
     old = _loaded.pop(home)
     sys.modules.pop(old.module.__name__, None)
-    for name, path in old.sources.items():
+    for name, (path, _) in old.sources.items():
         if getattr(sys.modules.get(name), "__file__", None) == str(path):
             del sys.modules[name]
     entry.forget()

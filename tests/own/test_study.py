@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from rkfbench.errors import InputChanged
 from rkfbench.pool import Pool
 from rkfbench.scenario import load
 from rkfbench.store import Results
@@ -107,6 +108,50 @@ def test_worker_processes_find_the_plugins_and_give_the_same_bytes(scenario, tmp
         study(scenario, tmp_path / "b", engine=lambda jobs: engines.processes(jobs, pool))
     for name in ("runs.csv", "summary.csv", "series.csv", "scenario.yaml"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_a_plugin_that_changes_while_a_study_runs_ends_it_and_what_is_finished_is_kept(scenario, tmp_path):
+    source = scenario.parent / "helper.py"
+    before = source.read_text()
+
+    def engine(jobs):
+        for job in jobs:
+            yield from engines.serial(job.singles())
+            source.write_text(before + "# better\n")
+
+    scenario.write_text(OWN + "readings: {a: {}, b: {assumed.cov: 2}}\n")
+    with pytest.raises(InputChanged, match=r"the source of .* was changed while the study ran"):
+        study(scenario, tmp_path / "r", engine=engine)
+    assert not (tmp_path / "r/summary.csv").exists()
+    source.write_text(before)
+    assert study(scenario, tmp_path / "r")[0].computed == 2
+
+
+def test_copies_are_the_plugins_that_made_the_numbers(scenario, tmp_path):
+    source = scenario.parent / "helper.py"
+    before = source.read_text()
+
+    def engine(jobs):
+        yield from engines.serial(jobs)
+        source.write_text(before + "# better\n")
+
+    study(scenario, tmp_path / "r", engine=engine)
+    assert (tmp_path / "r/plugins/helper.py").read_text() == before
+    assert study(tmp_path / "r/scenario.yaml", tmp_path / "r")[0].computed == 0
+
+
+def test_a_plugin_that_reads_a_file_is_rendered_from_its_copy(scenario, tmp_path):
+    (scenario.parent / "gain.txt").write_text("0.5\n")
+    (scenario.parent / "reader.py").write_text(
+        "from pathlib import Path\n\nimport numpy as np\n\nREADS = ['gain.txt']\n"
+        "GAIN = np.loadtxt(Path(__file__).with_name('gain.txt'))\n\n\n"
+        "def mine(model, y, x0, P0, Q, R):\n    return np.full((len(y), len(x0)), GAIN)\n"
+    )
+    scenario.write_text(OWN.replace("plugins:whole", "reader.py:mine"))
+    assert rkfbench("run", scenario, "-q").exit_code == 0
+    (scenario.parent / "gain.txt").unlink()
+    assert rkfbench("report", "results/small").exit_code == 0
+    assert Path("results/small/plugins/gain.txt").read_text() == "0.5\n"
 
 
 def test_the_stored_scenario_runs_again_elsewhere(scenario, tmp_path, tmp_path_factory):

@@ -433,3 +433,15 @@ def test_every_module_that_makes_numbers_is_in_the_hash_of_the_code() -> None:
     }
     assert mine - beside == covered
     assert all((Path(plan.__file__).parents[1] / each).exists() for each in plan.COMPUTE)
+
+
+def test_the_versions_of_numpy_and_scipy_belong_to_the_hash_of_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    from importlib import metadata
+
+    def code_with(changed: str) -> str:
+        plan.code_hash.cache_clear()
+        monkeypatch.setattr(metadata, "version", lambda name: "0" if name == changed else "1")
+        return plan.code_hash()
+
+    assert len({code_with(name) for name in ("", "numpy", "scipy")}) == 3
+    plan.code_hash.cache_clear()
