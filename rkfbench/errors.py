@@ -89,8 +89,8 @@ class Problem:
 
     def render(self) -> str:
         """`file:line:column: path: message`, the source line and a caret below the column."""
-        place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        text = ": ".join(part for part in (place, self.path, self.message) if part)
+        place = f"{self.file}:{self.line}:{self.column}" if self.line else printable(self.file)
+        text = ": ".join(part for part in (place, printable(self.path), self.message) if part)
         if not self.source:
             return text
         start = max(0, self.column - 120)
@@ -110,7 +110,12 @@ class ScenarioError(UsageError):
 
 def dotted(path: Iterable[Key]) -> str:
     """A path as the user writes it: `filters.hkf.threshold`."""
-    return ".".join(str(key) for key in path)
+    return printable(".".join(str(key) for key in path))
+
+
+def printable(text: str) -> str:
+    """The text with escapes for what would garble a line of a terminal."""
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in text)
 
 
 def nearest(name: object, known: Iterable[object]) -> str | None:

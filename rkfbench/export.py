@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rkfbench.catalogue import parameters
+from rkfbench.errors import UsageError
 from rkfbench.experiment import Experiment, World
 from rkfbench.filters.estimates import covariance_column
 from rkfbench.linalg import Array
@@ -56,12 +57,15 @@ def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequ
     written: list[Path] = []
     described = []
     pages: dict[str, list[tuple[Cell, Array, Array | None]]] = {label: [] for label in labels}
+    stems = _apart([cell.case or "data" for cell in cells])
+    readings = _apart([cell.reading for cell in cells])
+    files_of = _apart(labels)
     for cell in cells:
         experiment = Experiment.of(cell.spec)
         data = simulated(experiment, scenario.seed, scenario.runs, labels)
-        stem = _slug(cell.case or "data")
+        stem = stems[cell.case or "data"]
         if cell.reading != scenario.cells[0].reading:
-            stem = f"{_slug(cell.reading)}.{stem}"
+            stem = f"{readings[cell.reading]}.{stem}"
         names = _write(stem, experiment, data, folder)
         described.append({"case": cell.case, "reading": cell.reading, "files": names, **_told(cell, experiment, data)})
         written += (folder / name for name in names.values())
@@ -69,7 +73,7 @@ def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequ
             pages[label].append((cell, mean, cov))
     states = Experiment.of(cells[0].spec).model.states
     for label, parts in pages.items():
-        path = folder / f"estimates.{_slug(label)}.csv"
+        path = folder / f"estimates.{files_of[label]}.csv"
         with_cov = all(cov is not None for _, _, cov in parts)
         columns = estimate_columns(states, with_cov)
         rows = (row for cell, mean, cov in parts for row in _estimate_rows(cell, mean, cov if with_cov else None))
@@ -198,6 +202,16 @@ def _told(cell: Cell, experiment: Experiment, data: Data) -> dict[str, Any]:
 
 def _wide(A: Array, width: int) -> Array:
     return np.broadcast_to(A, (*A.shape[:-1], width))
+
+
+def _apart(names: Sequence[str]) -> dict[str, str]:
+    """How each name is called in the names of files; UsageError where two would be called the same."""
+    slugs: dict[str, str] = {}
+    for name in dict.fromkeys(names):
+        if twin := next((other for other, slug in slugs.items() if slug == _slug(name)), None):
+            raise UsageError(f"the files of '{twin}' and '{name}' would have one name: export them one at a time")
+        slugs[name] = _slug(name)
+    return slugs
 
 
 def _slug(text: str) -> str:

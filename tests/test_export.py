@@ -213,6 +213,15 @@ def test_estimates_may_stand_in_a_scenario(shown: Path) -> None:
     assert "filter e changed" in rkfbench("run", shown, "--runs", "2").stderr
 
 
+def test_cases_whose_files_would_have_one_name_are_told(small: Path) -> None:
+    small.write_text(SMALL + "cases: {R 2: {}, R-2: {}}\n")
+    result = rkfbench("export", small)
+    assert result.exit_code == 2
+    assert "the files of 'R 2,rate=0' and 'R-2,rate=0' would have one name" in result.stderr
+    assert not Path("results").exists()
+    ok("export", small, "--case", "R 2,rate=0")
+
+
 FORMS = {
     "use": "{use: estimates, file: e.csv, label: e}",
     "short": "{estimates: {file: e.csv}, label: e}",

@@ -8,7 +8,6 @@ is then drawn from the CSV that was written when they were there.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -25,6 +24,7 @@ from rkfbench.report.points import Point, needs_runs, points, read_points, write
 from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario import Scenario
 from rkfbench.scenario.display import Figure, Forest, Influence, Table
+from rkfbench.scenario.names import stem
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.store import Results, files, manifest
 
@@ -49,8 +49,7 @@ class Picture:
 
     @property
     def stem(self) -> str:
-        reading = re.sub(r"[^\w-]+", "-", self.reading)
-        return f"{self.figure.id}.{reading}" if reading not in ("", "default") else self.figure.id
+        return f"{self.figure.id}.{reading}" if (reading := stem(self.reading)) else self.figure.id
 
     @property
     def size(self) -> tuple[float, float]:

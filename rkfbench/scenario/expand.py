@@ -15,6 +15,7 @@ from typing import Any
 
 from rkfbench.errors import Path, SpecError
 from rkfbench.scenario.override import graft
+from rkfbench.scenario.schema import fault_of
 from rkfbench.scenario.yaml import Map, Mark, Seq
 
 MOST_POINTS = 1000  # of one sweep
@@ -115,12 +116,21 @@ def _sweeps(document: Map, faults: list[tuple[SpecError, Path]]) -> dict[str, li
             twice = [text for text, times in Counter(_text(point.shown) for point in points).items() if times > 1]
             if twice:
                 raise SpecError(f"lists {twice[0]} twice")
+            if faulty := next(filter(None, (_fault_of(_text(point.shown)) for point in points)), ""):
+                raise SpecError(faulty)
             if all(type(point.shown) in (int, float) for point in points):
                 points.sort(key=lambda point: float(point.shown))
             sweeps[path] = points
         except SpecError as error:
             faults.append((error, ("sweep", path)))
     return sweeps
+
+
+def _fault_of(text: str) -> str:
+    """What is wrong with the text of a point, which becomes a part of the name of a case."""
+    if "," in text:
+        return f"'{text}' holds a comma, which parts the name of a case: give the value a label without one"
+    return fault_of(text)
 
 
 def _points(written: Any, at: Mark, extra: bool) -> list[Point]:

@@ -24,7 +24,7 @@ from rkfbench.scenario.defaults import PARTS
 from rkfbench.scenario.display import Strict
 from rkfbench.scenario.estimates import within
 from rkfbench.scenario.override import graft
-from rkfbench.scenario.schema import FilterAssumed
+from rkfbench.scenario.schema import FilterAssumed, fault_of
 from rkfbench.scenario.yaml import Map, Mark, Seq, marked
 
 
@@ -53,6 +53,8 @@ def expanded(filters: Seq) -> Seq:
             if any(isinstance(each.get("file"), list) for each in within(entry)):
                 raise SpecError("`file` is one file: give each a filter with a label of its own")
             for each in _each_value(entry, at):
+                if fault := fault_of(each["label"]):
+                    raise SpecError(fault, ("label",))
                 if each["label"] in labels:
                     raise SpecError(f"two filters are labelled '{each['label']}': give one of them another label")
                 if len(labels) == MOST_FILTERS:

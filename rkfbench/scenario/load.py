@@ -21,7 +21,7 @@ from rkfbench.scenario.defaults import completed_filter, completed_kinds
 from rkfbench.scenario.estimates import placed, with_estimates
 from rkfbench.scenario.expand import between, columns, drafts
 from rkfbench.scenario.locate import in_order, located
-from rkfbench.scenario.names import unknown_names
+from rkfbench.scenario.names import twins, unknown_names
 from rkfbench.scenario.override import add_sweep, graft, set_value
 from rkfbench.scenario.paper import load_paper
 from rkfbench.scenario.paper_schema import Paper
@@ -57,6 +57,8 @@ def load(
     file = _checked(document, problems)
     cells = [_pinned(cell, plugins) for cell in _cells(document, problems)]
     if file is not None and not problems:
+        for fault, place in twins(file):
+            problems += located(document, [fault], *place)
         file = _with_runs(file, document, cells, problems)
         faults = list(unknown_names(file, cells, columns(list(file.sweep)), _paper(file, document)))
         if sets or sweeps:  # what they have removed is not shown

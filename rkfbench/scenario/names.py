@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 
-from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.errors import Path, SpecError, did_you_mean
 from rkfbench.own import short
 from rkfbench.scenario import claims, display
 from rkfbench.scenario.claims import Claim
@@ -45,6 +45,25 @@ def unknown_names(
                     noun = NOUNS.get(use.kind, use.kind)
                     message = f"no {noun} '{use.name}' here{did_you_mean(use.name, known[use.kind])}"
                     yield SpecError(message, (section, index, *use.path))
+
+
+def stem(reading: str) -> str:
+    """How a reading is called in the names of files; "" for a reading that needs no name."""
+    words = re.sub(r"[^\w-]+", "-", reading)
+    return "" if words == "default" else words
+
+
+def twins(file: ScenarioFile) -> Iterator[tuple[SpecError, Path]]:
+    """The readings and switches that the names of files do not tell apart, each with its place."""
+    first = next(iter(file.readings), "default")
+    called: list[tuple[str, Path]] = [(name, ("readings", name)) for name in file.readings]
+    called += [(f"{first}+{switch}", ("sensitivity", switch)) for switch in file.sensitivity]
+    seen: dict[str, str] = {}
+    for name, place in called:
+        other = seen.setdefault(stem(name), name)
+        if other != name:
+            message = f"files cannot be called after both '{other}' and '{name}': only letters, digits, - and _ count"
+            yield SpecError(message), place
 
 
 def _uses(item: Claim | Figure | Table) -> Iterator[NameUse]:

@@ -5,18 +5,40 @@ spans the cells. Where the allowed keys come from a catalogue (models, laws, fil
 plain data and `check.py` asks the catalogue; `json_schema.py` writes the catalogue into the JSON Schema.
 """
 
+import re
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from rkfbench.scenario.claims import Claim
 from rkfbench.scenario.display import Figure, Strict, Table
+
+CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+
+
+def fault_of(name: str) -> str:
+    """What is wrong with a name that is to stand in the tables of the results: what would tear a line apart."""
+    return "a name holds no line breaks and other control characters" if CONTROL.search(name) else ""
+
+
+def _named(name: str) -> str:
+    if fault := fault_of(name):
+        raise ValueError(fault)
+    return name
+
+
+def _reading(name: str) -> str:
+    if "+" in name:
+        raise ValueError("the name of a reading holds no `+`, which stands before a switch: `reading+switch`")
+    return _named(name)
+
 
 MOST_STEPS = 1_000_000
 MOST_RUNS = 10_000_000
 
 Vector = Annotated[list[float], Field(min_length=1)]
 Text = Annotated[str, Field(min_length=1)]
+Named = Annotated[str, AfterValidator(_named)]
 Matrix = Annotated[
     Any, Field(description="a number (times I), a list (diagonal), rows, or an operation such as {matrix_root_of: M}")
 ]
@@ -172,7 +194,7 @@ class Experiment(Strict):
     point: PointOfTime | None = Field(default=None, description="what point smoothers estimate")
     score: Text | None = Field(default=None, description="what the metric `score` means here; default: `rmse`")
     filters: list[Any] = Field(min_length=1, description="names, or {use: name, parameters, label, extra, assumed}")
-    metrics: list[Text] = Field(
+    metrics: list[Annotated[Text, AfterValidator(_named)]] = Field(
         min_length=1, description="such as `rmse`, `rmse[px]`, `mse[px]@900`, or `err_norm@k` for the curve over k"
     )
 
@@ -202,9 +224,11 @@ class ScenarioFile(Experiment):
     plugins: Text | None = Field(
         default=None, description="folder of own filters, models ... that are files; default: that of this file"
     )
-    readings: dict[str, Overrides] = Field(default={}, description="ways to read the paper; the first is the headline")
-    sensitivity: dict[str, Overrides] = Field(default={}, description="switches changed one at a time")
-    cases: dict[Annotated[str, Field(pattern="^[^,=]+$")], Overrides] = Field(
+    readings: dict[Annotated[str, AfterValidator(_reading)], Overrides] = Field(
+        default={}, description="ways to read the paper; the first is the headline"
+    )
+    sensitivity: dict[Named, Overrides] = Field(default={}, description="switches changed one at a time")
+    cases: dict[Annotated[str, Field(pattern="^[^,=]+$"), AfterValidator(_named)], Overrides] = Field(
         default={}, description="experimental conditions; `extra: true` for the full study only"
     )
     sweep: dict[str, Sweep] = Field(default={}, description="dotted path: values; several are crossed")

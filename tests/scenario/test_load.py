@@ -112,6 +112,43 @@ def test_what_makes_no_sense_is_told_where_it_stands(problems, texts, message) -
     assert message in problems(texts)[0]
 
 
+CONTROL = "a name holds no line breaks and other control characters"
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        ({"  coins:": "  plain+coins:"}, "a.yaml:16:16: readings.plain+coins: the name of a reading holds no `+`"),
+        (
+            {"  coins:": '  "a b": {}\n  a-b:'},
+            "a.yaml:17:3: readings.a-b: files cannot be called after both 'a b' and 'a-b'",
+        ),
+        (
+            {"  wide start:": "  wide-start: {assumed.cov: 9}\n  wide start:"},
+            "a.yaml:19:3: sensitivity.wide start: files cannot be called after both 'plain+wide-start' and",
+        ),
+        (
+            {"  coins:": "  plain-wide-start:"},
+            "a.yaml:18:3: sensitivity.wide start: files cannot be called after both 'plain-wide-start' and",
+        ),
+        ({"  coins:": '  "a\\rb":'}, f"a.yaml:16:11: readings.a\\rb: {CONTROL}"),
+        ({"  wide start:": '  "a\\x85b":'}, f"sensitivity.a\\x85b: {CONTROL}"),
+        ({"  near:": '  "a\\tb":'}, f"cases.a\\tb: {CONTROL}"),
+        ({"  - kf\n": '  - {use: kf, label: "a\\nb"}\n'}, f"filters.a\\nb.label: {CONTROL}"),
+        (
+            {"rate: [0, 0.2]": 'coin: ["joint\\r"]'},
+            f"a.yaml:22:9: sweep.measurement_noise.coin: {CONTROL}",
+        ),
+        (
+            {"rate: [0, 0.2]": 'rate: {"0,rate=0.2": 0, "0.2": 0.2}'},
+            "a.yaml:22:9: sweep.measurement_noise.rate: '0,rate=0.2' holds a comma, which parts the name of a case",
+        ),
+    ],
+)
+def test_names_that_the_results_would_confuse_are_refused(problems, texts, message) -> None:
+    assert any(message in each for each in problems(texts))
+
+
 def test_the_same_fault_in_many_cells_is_told_once(problems) -> None:
     assert len(problems({"mean: [0, 0, 0, 0]": "mean: [0, 0, 0, a]"})) == 1
 
