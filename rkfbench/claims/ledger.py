@@ -95,14 +95,15 @@ def judged(cell: Cell, observed: Observation | None, family: int, paper_runs: in
 def family_of(paper: Paper, cells: Sequence[Cell], outlines: Outlines) -> Callable[[Cell], int]:
     """For each cell the number of cells it is judged together with: the largest family among the readings that show it.
 
-    Each kind of family is counted apart: the paper's primary claims, those on extras, timings.
+    Each kind of family is counted apart: the paper's primary claims, those on extras, timings. A cell under a switch is
+    judged as that of the reading which the switch starts from: so equal measurements have equal verdicts.
     """
     stochastic: tuple[Family, ...] = ("primary", "extra", "timing")
     sizes = {family: family_sizes(paper, cells, outlines, family) for family in stochastic}
 
     def size(cell: Cell) -> int:
-        shown = outlines[cell.form.scenario].shown
-        return max([1, *(n for seen, n in sizes.get(cell.family, {}).items() if shown(seen) == cell.reading)])
+        shown, reading = outlines[cell.form.scenario].shown, cell.start or cell.reading
+        return max([1, *(n for seen, n in sizes.get(cell.family, {}).items() if shown(seen) == reading)])
 
     return size
 
@@ -144,12 +145,14 @@ def under_switch(cells: Iterable[Cell], paper: Paper, scenario: str, first: str,
     """The deciding cells of the headline claims of a scenario, to be measured under a sensitivity switch.
 
     `first` is the reading that the switches start from; stats of a switch are asked for under its name as a reading.
+    Only what is drawn can differ under a switch: exact checks have no reading, and times are measured without switches.
     """
     return [
-        replace(cell, reading=switch)
+        replace(cell, reading=switch, start=first)
         for cell in cells
         if (cell.role, cell.form.scenario, cell.reading) == ("decides", scenario, first)
         and cell.claim.id in paper.headline
+        and cell.family in ("primary", "extra")
     ]
 
 

@@ -80,6 +80,7 @@ class Cell:
     reading: str
     family: Family
     form: Form
+    start: str = ""  # of a cell under a sensitivity switch: the reading that the switch starts from
 
     @property
     def key(self) -> tuple[str, str, str, str, str, str]:

@@ -150,6 +150,22 @@ def test_headline_claims_are_measured_again_under_a_switch() -> None:
     ]
 
 
+def test_equal_measurements_have_equal_verdicts_with_and_without_a_switch() -> None:
+    of = paper(headline=["P-1", "P-3", "P-7"])
+    cells = plan(of, OUTLINES)
+    switched = under_switch(cells, of, "s", "literal", "literal+mixture R")
+    found = ledger(of, [*cells, *switched], {"s": STATS}, OUTLINES)
+    judged = {(row.cell.id, row.cell.reading, row.cell.form.text): (row.family_size, row.judgement) for row in found}
+    assert {each.id for each in switched} == {"P-1", "P-3", "P-7"}
+    for each in switched:
+        assert judged[each.id, each.reading, each.form.text] == judged[each.id, "literal", each.form.text]
+
+
+def test_exact_checks_and_times_are_no_results_of_a_switch() -> None:
+    of = paper(headline=["P-1", "P-4", "P-5", "P-8"])
+    assert {cell.id for cell in under_switch(plan(of, OUTLINES), of, "s", "literal", "mixture R")} == {"P-1"}
+
+
 def test_a_scenario_without_results_is_not_run() -> None:
     of = paper()
     found = {row.verdict for row in ledger(of, plan(of, OUTLINES), {}, OUTLINES)}
