@@ -27,14 +27,29 @@ def share_terms(coefficients: Array, flags: Array) -> tuple[tuple[float, int], .
 
 
 def least_eigenvalue(parts: list[Array]) -> Array:
-    """The least eigenvalue for each replicate of a symmetric matrix, from its lower triangle row by row."""
-    n = triangle(len(parts))
-    rows, columns = np.tril_indices(n)
-    matrix = np.full((n, n, parts[0].size), np.nan)
-    matrix[rows, columns] = matrix[columns, rows] = np.array(parts)
+    """The least eigenvalue (size,) of symmetric matrices, from the lower triangle row by row, (size,) each."""
+    matrix = _symmetric(parts)
     if not np.isfinite(matrix).all():
         return np.full(parts[0].size, np.nan)
-    return np.asarray(np.linalg.eigvalsh(np.moveaxis(matrix, 2, 0))[:, 0])
+    return np.asarray(np.linalg.eigvalsh(matrix)[:, 0])
+
+
+def along_least(parts: list[Array], chosen: list[Array]) -> Array:
+    """u'Au (size,) for matrices A by their lower triangle, u the eigenvector of the least eigenvalue of `chosen`."""
+    (matrix,) = _symmetric(chosen)
+    if not np.isfinite(matrix).all():
+        return np.full(parts[0].size, np.nan)
+    u = np.linalg.eigh(matrix).eigenvectors[:, 0]
+    return np.asarray(np.einsum("i,aij,j->a", u, _symmetric(parts), u))
+
+
+def _symmetric(parts: list[Array]) -> Array:
+    """(size, n, n)"""
+    n = triangle(len(parts))
+    rows, columns = np.tril_indices(n)
+    matrix = np.full((parts[0].size, n, n), np.nan)
+    matrix[:, rows, columns] = matrix[:, columns, rows] = np.array(parts).T
+    return matrix
 
 
 def triangle(count: int) -> int:

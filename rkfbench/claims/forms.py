@@ -8,7 +8,9 @@
     eigenvalue a, b, c the least eigenvalue of [[a, b], [b, c]] within bounds
 
 What is chosen by looking at the data (the best, the largest, the runner-up) is never one cell: it is written as all
-the pairs it stands for, so that nothing is selected and the interval of each is right.
+the pairs it stands for, so that nothing is selected and the interval of each is right. The least eigenvalue is the one
+exception: its direction is found on one half of the runs and judged on the other. Which of two standard deviations or
+variances is the larger is asked of their ratio, a/b > 1, whose logarithm has the better interval.
 """
 
 from __future__ import annotations
@@ -30,7 +32,6 @@ from rkfbench.scenario.paper_schema import Paper
 
 _SINGULAR = {"cases": "case", "filters": "filter", "metric": "metric"}  # in the order of crossing, slowest first
 _ALL = Region()
-_POSITIVE = Region(0.0, inf, open=True)
 
 
 @dataclass(frozen=True)
@@ -127,22 +128,29 @@ def _compared(kind: str, body: Any, groups: list[list[str]], cell: Callable[...,
     items = tuple(name for group in groups for name in group)
     if len(items) < 2:
         raise SpecError("needs at least two to compare", (body.along,))
+
+    def ordered(pair: tuple[str, str], margin: float = 0.0) -> Form:
+        """The first is larger than the second."""
+        form = cell("difference", pair, Region(margin, inf, open=True), ordered=True, margin=margin)
+        plain = form.estimand is not None and all(point.plain for point in form.estimand.points)
+        if body.statistic in ("sd", "variance") and plain and not margin:
+            return cell("ratio", pair, Region(1.0, inf, open=True))
+        return form
+
     match kind:
         case "ordering":
-            region = Region(body.margin, inf, open=True)
             for larger, smaller in pairwise(groups):
                 for pair in product(larger, smaller):
-                    yield cell("difference", pair, region, ordered=True, margin=body.margin)
+                    yield ordered(pair, body.margin)
         case "best":
             for other in items[1:]:
-                yield cell("difference", (other, items[0]), _POSITIVE, ordered=True)
+                yield ordered((other, items[0]))
         case "trend" | "shape":
             steps = [body.direction] * (len(items) - 1) if kind == "trend" else body.steps
             if len(steps) != len(items) - 1:
                 raise SpecError(f"{len(items)} items have {len(items) - 1} steps, not {len(steps)}", ("steps",))
             for (before, after), step in zip(pairwise(items), steps, strict=True):
-                pair = (after, before) if step == "up" else (before, after)
-                yield cell("difference", pair, _POSITIVE, ordered=True)
+                yield ordered((after, before) if step == "up" else (before, after))
         case "equal" if len(items) == 2:
             yield cell("relative", items, Region(-body.margin, body.margin))
         case "equal":

@@ -14,6 +14,7 @@ from rkfbench.scenario.claims import Claim
 from rkfbench.scenario.paper_schema import Paper
 
 WINS = Region(0.5, inf, open=True)  # an ordering with lost runs: the claimed order in more than half of the runs
+UNORDERED = "runs were lost, and a formula that is no sum puts no two runs in order"
 BY_WORD: dict[str, Verdict] = {"unsupported": "unsupported", "not_testable": "not testable"}
 
 
@@ -83,6 +84,9 @@ def judged(cell: Cell, observed: Observation | None, family: int, paper_runs: in
     region = WINS if observed.decided_on == "wins" else form.region
     if form.check:
         region = Region(high=measured.scale)
+    if observed.decided_on == "nothing":
+        judgement = Judgement("inconclusive", nan, nan, nan, nan, nan, nan, reason=UNORDERED)
+        return Row(cell, family, paper_runs, observed, region, judgement)
     judgement = judge(measured, region, family, form.printed)
     if cell.kind == "show":
         shown = replace(judgement, verdict="shown", flip_at=nan, flip=nan, flip_percent=nan, runs_needed=None)

@@ -6,7 +6,11 @@ the M runs; at M = 1000 it costs nothing, at ten runs it is the difference betwe
 win probabilities have exact (Clopper-Pearson) intervals, which stay right at 0 and 1. A sum or difference of shares is
 sum v p_v, p_v the share of runs in which it is v: each of its n terms has a Clopper-Pearson interval at tail/n, and
 their sum misses the true value with no more than the tail in all, whatever the dependence (conservative). So runs that
-were lost by neither filter, or by both, say how rare the others must be, and not that there are none.
+were lost by neither filter, or by both, say how rare the others must be, and not that there are none. A share that
+counts ties one half is 1/2 + (wins - losses)/(2 M), such a sum; only whether it is above or below 1/2 can be judged
+given the number of ties, by the sign test. Standard deviations and their ratios have an interval of their logarithm,
+estimate exp(+- c se/estimate): the law of a sample variance is skewed, and far out in its tails, where families are
+judged, the symmetric interval is much too short. A least eigenvalue has an interval from two numbers that bound it.
 
 Inside the region: reproduced. Outside: not reproduced. Else inconclusive, as is everything without a standard error
 (one run, NaN). With se = 0 (all runs agree exactly) the estimate alone decides; on the very edge of an open region
@@ -18,11 +22,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import inf, isfinite, isnan, nan, sqrt
+from math import exp, inf, isfinite, isnan, nan, sqrt
 from typing import Literal
 
 LEVEL = 0.95  # of a family
 RESOLUTION = 25.0  # %: a replication interval coarser than this decides nothing
+MOST = 700.0  # exp of it is about the largest number
 RUNS_CAP = 1_000_000  # more runs than this are nobody's plan
 
 Verdict = Literal["reproduced", "not reproduced", "inconclusive", "not testable", "unsupported", "not run", "shown"]
@@ -44,6 +49,11 @@ class Region:
         """Whether all of the interval lies outside."""
         return (high <= self.low or low >= self.high) if self.open else (high < self.low or low > self.high)
 
+    @property
+    def edges(self) -> set[float]:
+        """The finite ones."""
+        return {edge for edge in (self.low, self.high) if isfinite(edge)}
+
     def __str__(self) -> str:
         if self.low == -inf:
             return f"{'<' if self.open else '<='} {self.high:.6g}"
@@ -52,22 +62,31 @@ class Region:
         return f"in [{self.low:.6g}, {self.high:.6g}]"
 
 
+ANYWHERE = Region()
+
+
 @dataclass(frozen=True)
 class Measured:
     """What the runs say about an estimand: all that a verdict needs, and all that is stored.
 
     `law` says how the interval is made: "t" from se; "share" from the exact law of a share with `ties` runs that count
-    one half; "shares" from those of `terms`, pairs (v, number of runs) with estimate = sum v number/runs; "exact" for
-    numbers without chance.
+    one half; "shares" from those of `terms`, pairs (v, number of runs) with estimate = sum v number/runs; "log" from se
+    by the logarithm; "least" from se below `floor` and above the estimate; "exact" for numbers without chance.
     """
 
     estimate: float
     se: float
     runs: int
-    law: Literal["t", "share", "shares", "exact"] = "t"
+    law: Literal["t", "share", "shares", "log", "least", "exact"] = "t"
     ties: int = 0
     scale: float = nan  # the level of what was compared, to give margins in %
     terms: tuple[tuple[float, int], ...] = ()
+    floor: float = nan  # of a least eigenvalue: an estimate that lies below it in the mean
+
+    @property
+    def freedom(self) -> int:
+        """How many runs the standard error is made from: for a least eigenvalue one half, the other has chosen."""
+        return self.runs // 2 if self.law == "least" else self.runs
 
     def at(self, runs: int) -> Measured:
         """What another number of runs would measure if the estimate stayed: se falls like 1/sqrt(runs)."""
@@ -75,7 +94,9 @@ class Measured:
             return self
         ratio = runs / self.runs
         terms = tuple((value, round(count * ratio)) for value, count in self.terms)
-        return replace(self, se=self.se / sqrt(ratio), runs=runs, ties=round(self.ties * ratio), terms=terms)
+        floor = self.estimate - (self.estimate - self.floor) / sqrt(ratio)
+        se, ties = self.se / sqrt(ratio), round(self.ties * ratio)
+        return replace(self, se=se, runs=runs, ties=ties, terms=terms, floor=floor)
 
 
 @dataclass(frozen=True)
@@ -108,8 +129,8 @@ def judge(measured: Measured, region: Region, family: int = 1, printed: Printed 
     if printed is not None:
         return replicate(measured, printed, family)
     tail = (1 - LEVEL) / (2 * max(family, 1))
-    lower, upper = interval(measured, tail)
-    c = critical(tail, measured.runs) if measured.law == "t" else nan
+    lower, upper = interval(measured, tail, region)
+    c = critical(tail, measured.freedom) if measured.law in ("t", "log", "least") else nan
     if isnan(lower) or isnan(upper):
         return Judgement("inconclusive", lower, upper, c, nan, nan, nan, None, nan, _why_not(measured))
     verdict = _place(lower, upper, region)
@@ -118,7 +139,7 @@ def judge(measured: Measured, region: Region, family: int = 1, printed: Printed 
     needed = None
     if verdict == "inconclusive":
         needed = _least_runs(
-            measured, lambda runs: _place(*interval(measured.at(runs), tail), region) != "inconclusive"
+            measured, lambda runs: _place(*interval(measured.at(runs), tail, region), region) != "inconclusive"
         )
     return Judgement(verdict, lower, upper, c, flip_at, flip, _percent(flip, measured.scale), needed)
 
@@ -131,7 +152,7 @@ def replicate(measured: Measured, printed: Printed, family: int = 1) -> Judgemen
     where the paper's number is expected.
     """
     tail = (1 - LEVEL) / (2 * max(family, 1))
-    half, c = _replication_half(measured, printed, tail), critical(tail, measured.runs)
+    half, c = _replication_half(measured, printed, tail), critical(tail, measured.freedom)
     if isnan(half):
         return Judgement("inconclusive", nan, nan, c, nan, nan, nan, None, nan, _why_not(measured))
     lower, upper = measured.estimate - half, measured.estimate + half
@@ -167,25 +188,34 @@ def critical(tail: float, runs: int) -> float:
     return float(-stdtrit(runs - 1, tail)) if runs > 1 else nan
 
 
-def interval(measured: Measured, tail: float) -> tuple[float, float]:
-    """The interval that misses the true value with probability `tail` on either side; NaN where there is none."""
+def interval(measured: Measured, tail: float, region: Region = ANYWHERE) -> tuple[float, float]:
+    """The interval that misses the true value with probability `tail` on either side; NaN where there is none.
+
+    With a `region` it is the one to judge against its edges, which matters for a share with ties.
+    """
     if measured.law == "exact":
         return measured.estimate, measured.estimate
+    if measured.law == "share" and measured.ties and region.edges != {0.5}:
+        return _tied_interval(measured, tail)
     if measured.law == "share":
         return _share_interval(measured.estimate, measured.runs, measured.ties, tail)
     if measured.law == "shares":
         return _shares_interval(measured.terms, measured.runs, tail)
-    if measured.se == 0 and measured.runs > 1:
-        return measured.estimate, measured.estimate
-    half = critical(tail, measured.runs) * measured.se
-    return measured.estimate - half, measured.estimate + half
+    certain = measured.se == 0 and measured.runs > 1
+    half = 0.0 if certain else critical(tail, measured.freedom) * measured.se
+    if measured.law == "log":
+        factor = _exp(half / measured.estimate)
+        return measured.estimate / factor, measured.estimate * factor
+    low = min(measured.floor, measured.estimate) if measured.law == "least" else measured.estimate
+    return low - half, measured.estimate + half
 
 
 def _share_interval(share: float, runs: int, ties: int, tail: float) -> tuple[float, float]:
     """Clopper-Pearson for the share of wins among the runs that are no ties, carried over to share = wins + ties/2.
 
-    Given the number of ties this is exact, and its position against one half is that of the sign test. Without
-    any decided run it says how rare wins and losses must be not to have shown up once.
+    Without ties this is exact. With ties it holds for their number as it is, which is right for the position against
+    one half alone: that of the sign test. Without any decided run it says how rare wins and losses must be not to have
+    shown up once.
     """
     from scipy.special import betaincinv
 
@@ -202,6 +232,14 @@ def _share_interval(share: float, runs: int, ties: int, tail: float) -> tuple[fl
     return (low * decided + ties / 2) / runs, (high * decided + ties / 2) / runs
 
 
+def _tied_interval(measured: Measured, tail: float) -> tuple[float, float]:
+    """Of a share with a random number of ties: 1/2 + (share of wins)/2 - (share of losses)/2, a sum of shares."""
+    wins = round(measured.estimate * measured.runs - measured.ties / 2)
+    terms = ((0.5, wins), (-0.5, measured.runs - measured.ties - wins))
+    low, high = _shares_interval(terms, measured.runs, tail)
+    return 0.5 + low, 0.5 + high
+
+
 def _shares_interval(terms: Collection[tuple[float, int]], runs: int, tail: float) -> tuple[float, float]:
     """sum v [low_v, high_v] over terms (v, number of runs), each share by Clopper-Pearson at tail/(number of terms)."""
     if runs < 1 or not terms:
@@ -214,12 +252,12 @@ def _shares_interval(terms: Collection[tuple[float, int]], runs: int, tail: floa
 
 
 def _replication_half(measured: Measured, printed: Printed, tail: float) -> float:
-    """Half-width of a replication interval; of a share the exact half-widths on the printed side, added in squares."""
-    if measured.law != "share":
-        spread = measured.se * sqrt(1 + measured.runs / printed.runs)
-        return critical(tail, measured.runs) * spread + printed.rounding
+    """Half-width of a replication interval on the printed side; of a share the two exact ones added in squares."""
     side = 1 if printed.value > measured.estimate else 0
-    ours = _share_interval(measured.estimate, measured.runs, measured.ties, tail)[side] - measured.estimate
+    if measured.law != "share":
+        both = replace(measured, se=measured.se * sqrt(1 + measured.runs / printed.runs))
+        return abs(interval(both, tail)[side] - measured.estimate) + printed.rounding
+    ours = interval(measured, tail)[side] - measured.estimate
     theirs = _share_interval(measured.estimate, printed.runs, 0, tail)[side] - measured.estimate
     return sqrt(ours**2 + theirs**2) + printed.rounding
 
@@ -255,13 +293,17 @@ def _least_runs(measured: Measured, decides: Callable[[int], bool]) -> int | Non
     return many
 
 
+def _exp(x: float) -> float:
+    return exp(x) if x < MOST else inf
+
+
 def _percent(part: float, whole: float) -> float:
     return 100 * part / abs(whole) if whole and isfinite(whole) else nan
 
 
 def _why_not(measured: Measured) -> str:
     if isnan(measured.estimate):
-        return "no number: no run without failure, or an undefined value"
+        return "no number: no run without failure, or a value that is infinite or undefined"
     if measured.runs < 2:
         return "one run has no standard error"
     return "no standard error: the values are too few or not finite"

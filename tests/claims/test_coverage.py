@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf, nan, sqrt
 
 import numpy as np
@@ -73,6 +74,55 @@ def test_the_interval_of_a_share_never_covers_less_than_promised(share: float) -
     table = [interval(Measured(k / runs, nan, runs, "share"), 0.025) for k in range(runs + 1)]
     covered = np.mean([table[k][0] <= share <= table[k][1] for k in wins])
     assert covered >= 0.95 - room(0.05, n)
+
+
+@pytest.mark.parametrize(("win", "tie"), [(0.4, 0.6), (0.6, 0.3), (0.1, 0.1)])
+def test_the_interval_of_a_share_with_ties_never_covers_less_than_promised(win: float, tie: float) -> None:
+    n, runs, truth = 1000, 100, win + tie / 2
+    drawn = np.random.default_rng(3).multinomial(runs, [win, tie, abs(1 - win - tie)], n)
+    found = [
+        interval(Measured((w + t / 2) / runs, nan, runs, "share", int(t)), 0.025, Region(0.7)) for w, t, _ in drawn
+    ]
+    assert np.mean([low <= truth <= high for low, high in found]) >= 0.95 - room(0.05, n)
+
+
+def test_spreads_are_judged_as_strictly_as_a_family_needs() -> None:
+    n, runs, family = 3000, 200, 100
+    draws = np.random.default_rng(6).exponential(size=(n, runs))
+    logs = [np.log(replicates.sd(x)) for x in draws]
+    spreads = [
+        Measured(float(np.exp(each[0])), float(np.exp(each[0])) * replicates.standard_error(each), runs, "log")
+        for each in logs
+    ]
+    below, above = (
+        np.mean(side) for side in zip(*(_misses(each, 1.0, 0.025 / family) for each in spreads), strict=True)
+    )
+    symmetric = np.mean([_misses(replace(each, law="t"), 1.0, 0.025 / family)[0] for each in spreads])
+    assert below + above < 0.5 * symmetric
+
+
+def _misses(measured: Measured, truth: float, tail: float) -> tuple[bool, bool]:
+    low, high = interval(measured, tail)
+    return high < truth, low > truth
+
+
+@pytest.mark.parametrize(("scale", "least"), [((1.0, 1.0, 1.0, 1.0), 0.0), ((5.0, 5.0, 1.0, 1.0), 0.05)])
+def test_the_least_eigenvalue_of_a_consistent_filter_is_not_below_zero_by_selection(
+    scale: tuple[float, ...], least: float
+) -> None:
+    """Excess P - e e' of a filter that states its covariance rightly, or too large by `least`."""
+    n, runs, names = 200, 200, [f"e{i}{j}" for i in range(4) for j in range(i + 1)]
+    draws, stated = np.random.default_rng(7), np.diag(np.square(scale)) + least * np.eye(4)
+    claim = {"eigenvalue": {"metric": names, "filters": "a", "below": -1e-9}}
+    missed = false = 0
+    for _ in range(n):
+        e = draws.normal(size=(runs, 4)) * scale
+        entries = {("", "a", f"e{i}{j}"): stated[i, j] - e[:, i] * e[:, j] for i in range(4) for j in range(i + 1)}
+        (row,) = rows_of(claim, Arrays(entries))
+        missed += not row.judgement.lower <= least <= row.judgement.upper
+        false += row.verdict == "reproduced"
+    assert missed <= n * (0.05 + room(0.05, n))
+    assert false <= n * (0.025 + room(0.025, n))
 
 
 def test_a_family_of_40_holds_all_its_truths_in_95_percent() -> None:

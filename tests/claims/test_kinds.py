@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import stats as stats_of
 
 from rkfbench.claims.forms import slope_weights
 from rkfbench.errors import SpecError
@@ -48,7 +48,7 @@ def texts(claim: dict) -> list[str]:
 def test_an_ordering_is_a_paired_difference() -> None:
     (row,) = rows_of({"ordering": {"metric": "e", "filters": ["a", "b"], "cases": "rate=0"}}, STATS)
     difference = column("rate=0", "a") - column("rate=0", "b")
-    test = stats.ttest_rel(column("rate=0", "a"), column("rate=0", "b")).confidence_interval(0.95)
+    test = stats_of.ttest_rel(column("rate=0", "a"), column("rate=0", "b")).confidence_interval(0.95)
     assert row.observed is not None
     assert row.observed.measured.estimate == pytest.approx(difference.mean())
     assert (row.judgement.lower, row.judgement.upper) == pytest.approx((test.low, test.high))
@@ -119,27 +119,31 @@ def test_arithmetic_over_filters_stands_within_arithmetic_over_cases() -> None:
 
 def test_the_slope_is_the_least_squares_slope_over_the_swept_numbers() -> None:
     (row,) = rows_of({"slope": {"metric": "e", "filters": "a", "cases": ALL, "above": 0}}, STATS)
-    per_run = [stats.linregress([0, 1, 4], y).slope for y in zip(*(column(c, "a") for c in ALL), strict=True)]
+    per_run = [stats_of.linregress([0, 1, 4], y).slope for y in zip(*(column(c, "a") for c in ALL), strict=True)]
     assert row.observed is not None
     assert row.observed.measured.estimate == pytest.approx(np.mean(per_run))
-    assert row.observed.measured.se == pytest.approx(stats.sem(per_run))
+    assert row.observed.measured.se == pytest.approx(stats_of.sem(per_run))
 
 
-def test_the_least_eigenvalue_is_that_of_the_matrix_of_means_with_a_jackknife_error() -> None:
+def test_the_least_eigenvalue_lies_between_that_of_the_mean_and_one_along_a_direction_chosen_on_other_runs() -> None:
     x = np.random.default_rng(2).normal(size=(M, 2)) @ [[2.0, 0.6], [0.0, 0.5]]
     entries = {"e11": x[:, 0] ** 2, "e21": x[:, 0] * x[:, 1], "e22": x[:, 1] ** 2}
-    stats = Arrays({("", "a", name): each for name, each in entries.items()})
+    runs_ = Arrays({("", "a", name): each for name, each in entries.items()})
     body = {"metric": list(entries), "filters": "a", "above": 0}
-    (row,) = rows_of({"eigenvalue": body}, stats)
+    (row,) = rows_of({"eigenvalue": body}, runs_)
     assert row.observed is not None
-    covariance = x.T @ x / M
-    assert row.observed.measured.estimate == pytest.approx(np.linalg.eigvalsh(covariance)[0])
-    without = [np.linalg.eigvalsh((x.T @ x - np.outer(each, each)) / (M - 1))[0] for each in x]
-    assert row.observed.measured.se == pytest.approx(np.std(without) * np.sqrt(M - 1), rel=1e-9)
+    measured, (first, second) = row.observed.measured, (x[: M // 2], x[M // 2 :])
+    assert row.observed.mean == measured.floor == pytest.approx(np.linalg.eigvalsh(x.T @ x / M)[0])
+    along = (second @ np.linalg.eigh(first.T @ first).eigenvectors[:, 0]) ** 2
+    assert (measured.estimate, measured.se) == pytest.approx((along.mean(), stats_of.sem(along)))
+    c = stats_of.t.ppf(0.975, M // 2 - 1)
+    assert (row.judgement.lower, row.judgement.upper) == pytest.approx(
+        (min(measured.floor, measured.estimate) - c * measured.se, measured.estimate + c * measured.se)
+    )
     assert row.verdict == "reproduced"
     assert row.cell.form.text == "a in least eigenvalue of 2 x 2 e11 .. e22"
     with pytest.raises(SpecError, match="2 entries are no lower triangle"):
-        rows_of({"eigenvalue": {**body, "metric": ["e11", "e21"]}}, stats)
+        rows_of({"eigenvalue": {**body, "metric": ["e11", "e21"]}}, runs_)
 
 
 def test_points_of_a_slope_are_given_or_stand_in_the_labels() -> None:
@@ -161,6 +165,33 @@ def test_statistics_other_than_the_mean_are_measured_too() -> None:
     assert verdict_of(claim, Arrays({("", "a", "e"): 8 + 3 * noise, ("", "b", "e"): 5 + noise})) == "reproduced"
     claim = {"ratio": {"metric": "e", "filters": ["a", "b"], "statistic": "sd", "above": 2.9, "below": 3.1}}
     assert verdict_of(claim, wide) == "reproduced"
+
+
+def test_which_spread_is_larger_is_asked_of_their_ratio() -> None:
+    body = {"metric": "e", "filters": ["a", "b"], "cases": "rate=4", "statistic": "sd"}
+    (row,) = rows_of({"ordering": body}, STATS)
+    a, b = (column("rate=4", name).std(ddof=1) for name in "ab")
+    assert row.observed is not None
+    assert (row.cell.form.text, row.observed.measured.law) == ("a / b in sd of e at rate=4", "log")
+    assert row.observed.measured.estimate == pytest.approx(a / b)
+    assert row.judgement.lower * row.judgement.upper == pytest.approx((a / b) ** 2)
+    assert str(row.region) == "> 1"
+    (row,) = rows_of({"ordering": body | {"margin": 0.1}}, STATS)
+    assert row.cell.form.text == "a - b in sd of e at rate=4"
+    (row,) = rows_of({"ordering": body | {"metric": "g - e", "cases": "rate=0"}}, STATS)
+    assert row.cell.form.text == "a - b in sd of g - e at rate=0"  # may be negative: no ratio
+
+
+def test_an_ordering_of_shares_with_a_margin_is_one_of_their_difference() -> None:
+    draws = np.random.default_rng(8)
+    drawn = Arrays({("", name, "hit"): (draws.random(1000) < p) * 1.0 for name, p in (("a", 0.5), ("b", 0.1))})
+    claim = {"ordering": {"metric": "hit", "filters": ["a", "b"], "margin": 0.2}}
+    (row,) = rows_of(claim, drawn)
+    assert row.observed is not None
+    assert (row.observed.decided_on, row.observed.measured.law) == ("estimate", "shares")
+    assert row.verdict == "reproduced"
+    claim["ordering"]["margin"] = 0.6
+    assert verdict_of(claim, drawn) == "not reproduced"
 
 
 def test_a_bound_on_lost_runs_has_an_exact_interval() -> None:

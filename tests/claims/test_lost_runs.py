@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rkfbench.claims.combinations import share_terms
+from rkfbench.claims.ledger import Row
 from rkfbench.claims.records import record, stored
 from rkfbench.claims.verdict import Measured, interval
 from rkfbench.claims.words import sentence
@@ -64,12 +65,90 @@ def test_a_metric_where_large_is_good_can_say_so() -> None:
     assert row.observed.measured.estimate == pytest.approx(np.where(FIRST, False, A > B).mean())
 
 
+def growth(lost: dict[tuple[str, str], object], text: str = "q=1 - q=0") -> Row:
+    """The row of: from q=0 to q=1, a grows more than b; it does in 3 of 4 runs."""
+    draws = np.random.default_rng(12)
+    level = {("q=0", "a"): 5.0, ("q=0", "b"): 5.0, ("q=1", "a"): 9.0, ("q=1", "b"): 8.0}
+    values = {(*key, "e"): at + 0.7 * draws.normal(size=M) for key, at in level.items()}
+    claim = {"ordering": {"metric": "e", "filters": ["a", "b"], "cases": text}}
+    (row,) = rows_of(claim, Arrays(values, lost=lost))
+    assert row.observed is not None
+    return row
+
+
+@pytest.mark.parametrize(
+    ("lost", "counts"),
+    [
+        ([("q=1", "a")], 1.0),
+        ([("q=1", "b")], 0.0),
+        ([("q=0", "a")], 0.0),
+        ([("q=0", "b")], 1.0),
+        ([("q=1", "a"), ("q=0", "b")], 1.0),
+        ([("q=1", "a"), ("q=1", "b")], 0.5),
+        ([("q=1", "a"), ("q=0", "a")], 0.5),
+    ],
+)
+def test_a_sum_of_several_is_decided_run_by_run_and_lost_values_decide_by_their_sign(
+    lost: list[tuple[str, str]], counts: float
+) -> None:
+    sound, row = growth({}), growth(dict.fromkeys(lost, FIRST))
+    assert sound.observed is not None
+    assert row.observed is not None
+    assert (sound.observed.decided_on, row.observed.decided_on) == ("estimate", "wins")
+    values = np.random.default_rng(12).normal(size=(4, M)) * 0.7
+    of_others = (4 - 3 + values[2] - values[0] - values[3] + values[1])[~FIRST] > 0
+    assert row.observed.measured.estimate == pytest.approx((of_others.sum() + 3 * counts) / M)
+    assert row.observed.measured.ties == (3 if counts == 0.5 else 0)
+
+
+def test_an_ordering_of_quotients_with_lost_runs_is_inconclusive_and_says_why() -> None:
+    assert growth({}, "q=1 / q=0").verdict == "reproduced"
+    row = growth({("q=1", "b"): FIRST}, "q=1 / q=0")
+    assert row.verdict == "inconclusive"
+    assert "no two runs in order" in sentence(row)
+    line = record(row)
+    assert stored(line).observed == row.observed
+    assert (line["decided_on"], line["reason"]) == ("nothing", row.judgement.reason)
+
+
+def test_infinite_values_of_sound_runs_are_compared_and_not_left_out() -> None:
+    never = np.arange(M) < 200
+    (row,) = rows_of({"ordering": {"metric": "e", "filters": ["b", "a"]}}, stats(a=np.where(never, np.inf, A - 3)))
+    assert row.observed is not None
+    assert (row.observed.decided_on, row.observed.failed, row.observed.lost) == ("wins", 0, 0)
+    assert row.observed.measured.estimate == pytest.approx((~never & (B > A - 3)).mean())
+    assert row.verdict == "not reproduced"
+    claim = {"bound": {"metric": "e", "filters": "a", "below": 9}}
+    assert rows_of(claim, stats(a=np.where(never, np.inf, A)))[0].verdict == "inconclusive"  # there is no mean
+    claim["bound"]["statistic"] = "median"
+    assert rows_of(claim, stats(a=np.where(FIRST, np.inf, A)))[0].verdict == "reproduced"
+
+
+class Undefined(Arrays):
+    """Values that are NaN although no run failed."""
+
+    def failed(self, reading: str, case: str, filter: str):
+        return np.zeros(self.runs, bool)
+
+
+def test_an_undefined_value_of_a_sound_run_is_left_out_also_of_medians_and_wins() -> None:
+    gone = {("", "b"): FIRST}
+    runs = Undefined({("", "a", "e"): np.where(np.arange(M) < 100, np.nan, A), ("", "b", "e"): B}, lost=gone)
+    (row,) = rows_of({"bound": {"metric": "e", "filters": "a", "below": 9, "statistic": "median"}}, runs)
+    assert row.observed is not None
+    assert (row.observed.measured.estimate, row.observed.measured.runs) == (np.median(A[100:]), M - 100)
+    (row,) = rows_of(ORDERING, runs)
+    assert row.observed is not None
+    assert row.observed.decided_on == "wins"
+    assert (row.observed.measured.estimate, row.observed.measured.runs) == ((A > B)[100:].mean(), M - 100)
+
+
 def test_the_spread_is_measured_on_all_runs_that_did_not_fail() -> None:
     claim = {"ordering": {"metric": "e", "filters": ["a", "b"], "statistic": "sd"}}
     (row,) = rows_of(claim, stats(a=np.where(FIRST, np.nan, A), lost_b=FIRST))
     assert row.observed is not None
     assert (row.observed.decided_on, row.observed.measured.runs) == ("estimate", M - 3)
-    assert row.observed.measured.estimate == pytest.approx(A[3:].std(ddof=1) - B[3:].std(ddof=1))
+    assert row.observed.measured.estimate == pytest.approx(A[3:].std(ddof=1) / B[3:].std(ddof=1))
 
 
 def test_other_claims_are_measured_on_the_runs_that_failed_nowhere() -> None:

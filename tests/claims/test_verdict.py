@@ -11,6 +11,7 @@ from statsmodels.stats.proportion import proportion_confint
 from rkfbench.claims.verdict import Measured, Printed, Region, combine, critical, interval, judge
 
 POSITIVE = Region(0.0, inf, open=True)
+WINS = Region(0.5, inf, open=True)
 
 
 def test_the_critical_value_is_the_bonferroni_quantile_of_students_t() -> None:
@@ -33,17 +34,37 @@ def test_the_interval_of_a_share_is_that_of_clopper_and_pearson(wins: int) -> No
 
 
 def test_ties_pull_a_share_towards_one_half_and_decide_like_the_sign_test() -> None:
-    low, _ = interval(Measured((12 + 88 / 2) / 100, nan, 100, "share", ties=88), 0.025)
+    low, _ = interval(Measured((12 + 88 / 2) / 100, nan, 100, "share", ties=88), 0.025, WINS)
     assert stats.binomtest(12, 12).pvalue < 0.025
     assert low > 0.5
-    low, _ = interval(Measured((4 + 96 / 2) / 100, nan, 100, "share", ties=96), 0.025)
+    low, _ = interval(Measured((4 + 96 / 2) / 100, nan, 100, "share", ties=96), 0.025, WINS)
     assert stats.binomtest(4, 4).pvalue > 0.05
     assert low < 0.5
 
 
 def test_runs_that_all_tie_leave_room_for_what_was_not_seen() -> None:
-    low, high = interval(Measured(0.5, 0.0, 100, "share", ties=100), 0.025)
-    assert 0.45 < low < 0.5 < high < 0.55
+    for region in (WINS, Region(0.4)):
+        low, high = interval(Measured(0.5, 0.0, 100, "share", ties=100), 0.025, region)
+        assert 0.45 < low < 0.5 < high < 0.55
+
+
+def test_a_share_with_ties_is_a_sum_of_shares_against_another_edge_than_one_half() -> None:
+    measured = Measured((40 + 50 / 2) / 100, nan, 100, "share", ties=50)
+    as_sum = Measured(0.15, nan, 100, "shares", terms=((0.5, 40), (-0.5, 10)))
+    judgement = judge(measured, Region(0.6))
+    assert (judgement.lower - 0.5, judgement.upper - 0.5) == pytest.approx(interval(as_sum, 0.025))
+    assert judgement.lower < judge(measured, Region(0.5)).lower
+
+
+def test_the_interval_of_a_spread_is_one_of_its_logarithm() -> None:
+    measured = Measured(2.0, 0.3, 50, "log")
+    half = stats.t.ppf(0.975, 49) * 0.15
+    assert interval(measured, 0.025) == pytest.approx((2 * np.exp(-half), 2 * np.exp(half)))
+    for value, sign in ((2.5, 1), (1.5, -1)):
+        replicated = judge(measured, Region(), printed=Printed(value, 50))
+        end = replicated.upper if sign > 0 else replicated.lower
+        assert end == pytest.approx(2 * np.exp(sign * half * np.sqrt(2)))
+    assert interval(Measured(2.0, 0.0, 50, "log"), 0.025) == (2.0, 2.0)
 
 
 def test_a_sum_of_shares_adds_the_ends_of_clopper_and_pearson_at_a_part_of_the_tail() -> None:
