@@ -9,7 +9,7 @@ from math import inf, nan
 
 from rkfbench.claims.measure import Observation, Stats, observe
 from rkfbench.claims.plan import Cell, Family, Outlines, family_sizes
-from rkfbench.claims.verdict import Judgement, Measured, Region, Verdict, combine, judge
+from rkfbench.claims.verdict import Judgement, Measured, Region, Verdict, combine, decisive, judge
 from rkfbench.scenario.claims import Claim
 from rkfbench.scenario.paper_schema import Paper
 
@@ -41,10 +41,7 @@ class Row:
 
 @dataclass(frozen=True)
 class ClaimVerdict:
-    """A claim as a reader sees it: for each reading its verdict, its deciding rows, and the one that matters most.
-
-    The decisive row of a claim that holds is the one nearest to failing; of another one the one farthest from holding.
-    """
+    """A claim as a reader sees it: for each reading its verdict, its deciding rows, and the `decisive` one."""
 
     id: str
     claim: Claim
@@ -129,9 +126,9 @@ def claim_verdicts(paper: Paper, rows: Sequence[Row], outlines: Outlines) -> tup
         shown = {reading: cells for reading, cells in shown.items() if cells}
         claim = found[0].cell.claim
         verdict = {reading: combine([row.verdict for row in cells], claim.holds) for reading, cells in shown.items()}
-        decisive = {reading: _decisive(cells, verdict[reading]) for reading, cells in shown.items()}
+        extreme = {reading: _decisive(cells, claim) for reading, cells in shown.items()}
         headline = claim.id in paper.headline
-        verdicts.append(ClaimVerdict(identity, claim, headline, verdict, shown, decisive))
+        verdicts.append(ClaimVerdict(identity, claim, headline, verdict, shown, extreme))
     return tuple(verdicts)
 
 
@@ -173,11 +170,5 @@ def _observed(cell: Cell, stats: Stats | None) -> Observation | None:
         return None
 
 
-def _decisive(rows: tuple[Row, ...], verdict: Verdict) -> Row:
-    agreeing = [row for row in rows if row.verdict == verdict]
-
-    def margin(row: Row) -> float:
-        percent = row.judgement.flip_percent
-        return percent if percent == percent else 0.0
-
-    return (min if verdict == "reproduced" else max)(agreeing, key=margin)
+def _decisive(rows: tuple[Row, ...], claim: Claim) -> Row:
+    return rows[decisive([(row.verdict, row.judgement.flip_percent) for row in rows], claim.holds)]

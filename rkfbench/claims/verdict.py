@@ -19,7 +19,7 @@ Inside the region: reproduced. Outside: not reproduced. Else inconclusive, as is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import exp, inf, isfinite, isnan, nan, sqrt
@@ -30,6 +30,7 @@ RESOLUTION = 25.0  # %: a replication interval coarser than this decides nothing
 MOST = 700.0  # exp of it is about the largest number
 RUNS_CAP = 1_000_000  # more runs than this are nobody's plan
 
+Holds = Literal["all", "any"]
 Verdict = Literal["reproduced", "not reproduced", "inconclusive", "not testable", "unsupported", "not run", "shown"]
 
 
@@ -168,7 +169,7 @@ def replicate(measured: Measured, printed: Printed, family: int = 1) -> Judgemen
     return Judgement(verdict, lower, upper, c, flip_at, flip, _percent(flip, printed.value), needed, resolution, reason)
 
 
-def combine(verdicts: Collection[Verdict], holds: Literal["all", "any"] = "all") -> Verdict:
+def combine(verdicts: Collection[Verdict], holds: Holds = "all") -> Verdict:
     """The verdict on a claim of several cells.
 
     all: it fails if one cell is outside and holds if all are inside. any: it holds if one cell is inside and fails if
@@ -178,6 +179,18 @@ def combine(verdicts: Collection[Verdict], holds: Literal["all", "any"] = "all")
     every: Verdict = "reproduced" if holds == "all" else "not reproduced"
     order: tuple[Verdict, ...] = ("unsupported", "not testable", one, "not run", "inconclusive", every)
     return next((verdict for verdict in order if verdict in verdicts), "not testable")
+
+
+def decisive(cells: Sequence[tuple[Verdict, float]], holds: Holds = "all") -> int:
+    """Which cell, (verdict, flip margin in % or NaN) each, decides a claim: of those with its verdict the extreme one.
+
+    all: a claim that holds is as strong as its cell nearest to flipping, another one as its cell farthest from it. any:
+    one that holds is as strong as its cell farthest from flipping, one that fails as its cell nearest to it.
+    """
+    verdict = combine([each for each, _ in cells], holds)
+    margins = {i: 0.0 if isnan(margin) else margin for i, (each, margin) in enumerate(cells) if each == verdict}
+    weakest = verdict == ("reproduced" if holds == "all" else "not reproduced")
+    return (min if weakest else max)(margins, key=margins.__getitem__)
 
 
 @lru_cache(maxsize=4096)

@@ -11,8 +11,10 @@ import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from rkfbench.claims.verdict import Holds, decisive
 from rkfbench.report import style
 from rkfbench.report.material import distinct, text
 from rkfbench.report.numbers import written
@@ -27,7 +29,6 @@ COLUMNS = (
 )  # fmt: skip
 ROOM = 0.12  # of the span, at both ends
 TOP, FOOT = 0.15, 0.25  # inches
-WORST = ("not reproduced", "not run", "inconclusive", "unsupported", "not testable", "reproduced")
 MARKS = {"reproduced": "●", "not reproduced": "✕", "inconclusive": "◇"}  # any other verdict: a dash
 VERDICT_COLOURS = {"reproduced": style.BLUE, "not reproduced": style.RED}  # any other verdict: grey
 
@@ -57,9 +58,15 @@ class Line:
 
 
 def lines(
-    rows: Iterable[Row], claims: Sequence[str] | None = None, readings: Sequence[str] | None = None
+    rows: Iterable[Row],
+    claims: Sequence[str] | None = None,
+    readings: Sequence[str] | None = None,
+    holds: Mapping[str, Holds] = MappingProxyType({}),
 ) -> list[Line]:
-    """The deciding cells of `claims` under `readings`, from rows of claims.csv; default: all that there are."""
+    """The deciding cells of `claims` under `readings`, from rows of claims.csv; default: all that there are.
+
+    holds: claim -> whether it holds if all of its cells do, or any; default: all.
+    """
     chosen = [row for row in rows if row["role"] == "decides"]
     order = claims or distinct(text(row["claim"]) for row in chosen)
     found = []
@@ -67,18 +74,14 @@ def lines(
         for reading in distinct(text(row["reading"]) for row in chosen):
             cells = [row for row in chosen if (text(row["claim"]), text(row["reading"])) == (claim, reading)]
             if cells and (readings is None or reading in readings):
-                found.append(line(deciding(cells), len(cells)))
+                found.append(line(deciding(cells, holds.get(claim, "all")), len(cells)))
     return found
 
 
-def deciding(cells: Sequence[Row]) -> Row:
-    """The cell that decides a claim: of those with the least favourable verdict, the one that decides it most.
-
-    A claim that holds is as strong as its cell nearest to flipping; one that fails, as its cell farthest from it.
-    """
-    verdict = min((row["verdict"] for row in cells), key=WORST.index)
-    agreeing = [row for row in cells if row["verdict"] == verdict]
-    return (min if verdict == "reproduced" else max)(agreeing, key=lambda row: _finite(row.get("flip_percent")) or 0.0)
+def deciding(cells: Sequence[Row], holds: Holds = "all") -> Row:
+    """The cell that decides a claim (see `decisive`)."""
+    margins = [_finite(row.get("flip_percent")) or 0.0 for row in cells]
+    return cells[decisive([(row["verdict"], margin) for row, margin in zip(cells, margins, strict=True)], holds)]
 
 
 def line(row: Row, cells: int = 1) -> Line:
@@ -147,7 +150,7 @@ def draw(found: Sequence[Line], caption: str = "") -> Figure:
             ax.plot(each.at, y, markers.get(each.verdict, "_"), color=colour, markerfacecolor=fill, markersize=6)
         ax.text(-0.03, y - 0.13, each.claim, transform=beside, ha="right", va="center", weight="bold", fontsize=8)
         named = [each.reading] if each.reading not in ("", "default") else []
-        named += [f"worst of {each.cells} cells"] if each.cells > 1 else []
+        named += [f"decides among {each.cells} cells"] if each.cells > 1 else []
         ax.text(-0.03, y + 0.2, ", ".join(named), transform=beside, ha="right", va="center", fontsize=6.5)
         shown = "".join([each.estimate, f", {each.claimed}" if each.claimed else ""])
         ax.text(1.03, y - 0.13, each.verdict, transform=beside, va="center", color=colour, weight="bold", fontsize=8)

@@ -21,6 +21,7 @@ from rkfbench.report.captions import caption
 from rkfbench.report.influence import influence_points
 from rkfbench.report.material import Material, distinct
 from rkfbench.report.points import Point, needs_runs, points, read_points, write_points
+from rkfbench.report.verdicts import claim_of
 from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario import Scenario
 from rkfbench.scenario.display import Figure, Forest, Influence, Table
@@ -124,8 +125,11 @@ class Outcome:
 
     def _picture(self, figure: Figure, reading: str, looks: dict[str, style.Look]) -> Picture:
         if isinstance(figure, Forest):
-            claims = figure.claims or (self.paper.headline if self.paper else [])
-            lines = forest.lines(self.results.claims, claims, [reading])
+            there = distinct(str(row["claim"]) for row in self.results.claims)
+            claims = figure.claims or (self.paper.headline if self.paper else there)
+            says = [*(self.paper.claims if self.paper else []), *self.scenario.claims]
+            holds = {identity: claim.holds for identity in claims if (claim := claim_of(identity, says))}
+            lines = forest.lines(self.results.claims, claims, [reading], holds)
             said = [figure.title, figure.caption, FOREST_CAPTION]
             sentences = " ".join(f"{part.rstrip('.')}." for part in said if part)
             return Picture(figure, reading, sentences, [], lines, looks)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rkfbench.claims.verdict import combine
+from rkfbench.claims.verdict import Holds, combine
 from rkfbench.claims.words import IN_TEXT, phrase
 from rkfbench.report import forest
 from rkfbench.report.material import distinct, text
@@ -37,11 +37,12 @@ class ClaimView:
     switches: dict[str, str]
     cells: dict[str, list[Row]]
     beside: dict[str, list[Row]]
+    holds: Holds = "all"
 
     @property
     def lines(self) -> list[forest.Line]:
         """The deciding cell under each reading, placed for the forest plot."""
-        return [forest.line(forest.deciding(cells), len(cells)) for cells in self.cells.values()]
+        return [forest.line(forest.deciding(cells, self.holds), len(cells)) for cells in self.cells.values()]
 
 
 def claim_views(
@@ -65,7 +66,7 @@ def claim_views(
     views = []
     for identity in distinct(text(row["claim"]) for row in rows):
         mine = [row for row in rows if text(row["claim"]) == identity]
-        claim = next((each for each in says if _is(each.id, identity)), None)
+        claim = claim_of(identity, says)
         deciding = [row for row in mine if row["role"] == "decides"]
         shown = {reading: cells for reading in readings if (cells := under(reading, deciding))}
         switched: dict[str, list[Row]] = {}
@@ -86,9 +87,15 @@ def claim_views(
                 {switch: _verdict(cells, claim) for switch, cells in switched.items()},
                 shown,
                 {reading: under(reading, aside) for reading in readings},
+                claim.holds if claim else "all",
             )
         )
     return views
+
+
+def claim_of(identity: str, claims: Sequence[Claim]) -> Claim | None:
+    """The claim of this id; one that is written with {row} or {column} stands for several."""
+    return next((each for each in claims if _is(each.id, identity)), None)
 
 
 def tally(claims: Sequence[ClaimView], reading: str) -> list[tuple[str, int]]:

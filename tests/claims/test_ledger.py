@@ -99,6 +99,16 @@ def test_the_decisive_row_is_the_weakest_of_a_claim_that_holds_and_the_worst_of_
     assert fails.decisive["root"].cell.form.printed.value == 12.0
 
 
+def test_a_claim_that_may_hold_anywhere_is_decided_by_its_strongest_cell_in_ledger_and_report() -> None:
+    of = paper(claims=[{"id": "P-1", "holds": "any", "ordering": BASE | {"filters": ["a", ["b", "c"]]}}])
+    found = ledger(of, plan(of, OUTLINES), {"s": STATS}, OUTLINES)
+    (claim,) = claim_verdicts(of, found, OUTLINES)
+    margins = [row.judgement.flip_percent for row in claim.rows["root"]]
+    assert claim.decisive["root"].judgement.flip_percent == max(margins) > min(margins)
+    (view,) = claim_views(list(map(record, found)), ["root"], {"s": ("literal", "root")}, of, [])
+    assert view.lines[0].estimand == claim.decisive["root"].cell.form.text
+
+
 def test_families_are_judged_apart() -> None:
     of = paper()
     cells = plan(of, OUTLINES)

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
 import pytest
 
+from rkfbench.claims.verdict import Verdict
 from rkfbench.report import forest, style
 from tests.report.fakes import claim_row
+
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)[:-1]  # the last one, shown, decides nothing
 
 
 def test_an_interval_inside_its_region_lies_inside_its_shade() -> None:
@@ -50,6 +54,15 @@ def test_a_claim_that_holds_is_shown_by_its_weakest_cell_one_that_fails_by_its_c
     assert forest.deciding([slightly, clearly, open_, near]) is clearly
 
 
+def test_a_claim_that_may_hold_anywhere_is_shown_by_its_strongest_cell_and_with_its_own_verdict() -> None:
+    weak, strong = claim_row(flip_percent=2.0), claim_row(flip_percent=90.0)
+    near, far = (claim_row(verdict="not reproduced", flip_percent=percent) for percent in (1.0, 40.0))
+    assert forest.deciding([near, weak, strong, far], "any") is strong
+    assert forest.deciding([far, near], "any") is near
+    (line,) = forest.lines([far, weak, strong], holds={"mine-1": "any"})
+    assert (line.verdict, line.cells, line.row) == ("reproduced", 3, strong)
+
+
 def test_lines_hold_what_decides_in_the_order_asked_for() -> None:
     rows = [claim_row(), claim_row(claim="b"), claim_row(claim="b", reading="root"), claim_row(role="beside")]
     assert [(line.claim, line.reading) for line in forest.lines(rows, ["b", "mine-1"], ["literal"])] == [
@@ -60,7 +73,7 @@ def test_lines_hold_what_decides_in_the_order_asked_for() -> None:
 
 
 def test_every_verdict_can_be_drawn() -> None:
-    rows = [claim_row(claim=verdict, verdict=verdict) for verdict in forest.WORST]
+    rows = [claim_row(claim=verdict, verdict=verdict) for verdict in VERDICTS]
     rows.append(claim_row(claim="empty", estimate=None, lower=None, upper=None, region_low=None, region_high=None))
     with style.styled():
         assert style.png(forest.draw(forest.lines(rows), "A caption."), dpi=40)
