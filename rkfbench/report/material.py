@@ -252,9 +252,15 @@ def _is_root(metric: str) -> bool:
 
 
 def _share(row: Row, what: str) -> Row:
-    """The share of failed or lost runs with its standard error, as a row of the summary."""
-    share = row[what] / row["runs"] if row["runs"] else math.nan
-    se = math.sqrt(share * (1 - share) / row["runs"]) if row["runs"] else None
+    """The share of failed or lost runs with its standard error, as a row of the summary.
+
+    The error is the standard deviation of what is known of a share after k of n runs, every share being as likely
+    before: p (1 - p)/(n + 3) with p = (k + 1)/(n + 2). So none lost of 1000 runs is 0 +- 0.001, and not +- 0.
+    """
+    count, runs = row[what], row["runs"]
+    share = count / runs if runs else math.nan
+    likely = (count + 1) / (runs + 2)
+    se = math.sqrt(likely * (1 - likely) / (runs + 3)) if runs else None
     return {**row, "metric": what, "mean": share, "se": se, "sd": None, "median": None, "failed": 0, "lost": 0}
 
 

@@ -140,6 +140,8 @@ def _summary_point(
     key = reading, _, _, metric = key_of(row)
     y, se = material.estimate(key, statistic)
     low, high = _interval(y, se)
+    if metric in ("failed", "lost") and low is not None and high is not None:  # shares
+        low, high = max(low, 0.0), min(high, 1.0)
     counts = (row["runs"], row.get("failed"), row.get("lost"))
     return Point(role, reading, case, label, metric, x, y, low, high, row.get("sd"), *counts)
 

@@ -85,7 +85,15 @@ def test_the_share_of_lost_runs_is_a_metric(material: Material) -> None:
     (point,) = points(material, kind="bars", metric="lost", cases=["rate=0.4"], filters=["kf"])
     share = lost / fakes.RUNS
     assert point.y == share
-    assert point.high == pytest.approx(share + 2 * math.sqrt(share * (1 - share) / fakes.RUNS))
+    assert point.high == pytest.approx(share + 2 * math.sqrt(share * (1 - share) / fakes.RUNS), rel=0.1)
+
+
+def test_no_lost_run_says_how_rare_they_are_and_not_that_there_are_none(material: Material) -> None:
+    (point,) = points(material, kind="bars", metric="lost", cases=["rate=0.05"], filters=["hkf"])
+    value, se = material.estimate(("literal", "rate=0.05", "hkf", "lost"), "mean")
+    assert (point.y, point.low, value) == (0.0, 0.0, 0.0)
+    assert se == pytest.approx(1 / fakes.RUNS, rel=0.1)
+    assert point.high == 2 * se
 
 
 def test_times_are_means_over_the_repeats(material: Material) -> None:
