@@ -41,6 +41,13 @@ def test_its_claims_fit_the_scenario_and_its_frozen_family() -> None:
     assert plan(paper, known)
 
 
+def test_the_paired_differences_of_the_note_have_their_share_of_runs_beside_them() -> None:
+    parts = (part.body for claim in load_paper("aladkf-2020").claims for part in claim.beside if part.kind == "share")
+    found = {part.metric[0][0]: (part.filters, part.cases) for part in parts}
+    expected = ((("aladkf",), ("hkf",)), (("rate=0",), ("cases-1-4",)))  # HKF - ALADKF > 0
+    assert found == dict.fromkeys(("err_norm", "cond_S", "if_norm"), expected)
+
+
 def test_a_wrong_name_is_told_with_its_line() -> None:
     offered = outline(load("contamination-rates"))
     without = {"contamination-rates": replace(offered, filters=("kf", "hkf"))}
