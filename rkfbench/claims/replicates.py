@@ -71,6 +71,23 @@ def median(x: Array) -> Array:
     return _replicates(middle, middle - np.sign(x - middle) * se / sqrt(n - 1))
 
 
+def rank_interval(x: Array, tail: float = 0.025) -> tuple[float, float]:
+    """The order statistics x_(c) and x_(n+1-c) with the median between them but for probability `tail` on either side,
+
+        c the largest number with P(X < c) <= tail, X ~ Binomial(n, 1/2),
+
+    whatever the law of x (which may hold +inf); NaN where the runs are too few.
+    """
+    n = x.size
+    c = round((n + 1) / 2 + NormalDist().inv_cdf(tail) * sqrt(n) / 2) + 1  # the normal approximation, from above
+    while c > 0 and _binomial_below(c, n) > tail:
+        c -= 1
+    if c < 1:
+        return float("nan"), float("nan")
+    ordered = np.sort(x)
+    return float(ordered[c - 1]), float(ordered[n - c])
+
+
 def _middle(x: Array) -> float:
     return float(np.median(x)) if x.size else float("nan")
 

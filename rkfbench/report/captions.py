@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from rkfbench.report.material import distinct
@@ -21,12 +21,14 @@ def caption(figure: Drawn, points: Sequence[Point], words: Words = PLAIN) -> str
     parts = [figure.title, figure.caption, _what(figure, metrics, _runs(ours), points, words)]
     parts.append(_cases(cases) if cases else "")
     parts.append(f"Reading {', '.join(reading)}" if any(each not in ("", "default") for each in reading) else "")
-    parts.append(casualties(ours, words))
+    parts.append(casualties(ours, words, [getattr(figure, "statistic", "")]))
     return " ".join(f"{part.rstrip('. ')}." for part in parts if part.strip())
 
 
-def casualties(points: Sequence[Any], words: Words = PLAIN) -> str:
-    """Which filters failed or lost runs, with counts: a mean that leaves runs out must say so."""
+def casualties(points: Sequence[Any], words: Words = PLAIN, statistics: Collection[str] = ()) -> str:
+    """Which filters failed or lost runs, with counts: a mean that leaves runs out must say so, and a median that does
+    not, too.
+    """
     counts: dict[str, list[tuple[int, int]]] = {}
     for label, failed, lost in distinct((point.filter, point.failed or 0, point.lost or 0) for point in points):
         counts.setdefault(label, []).append((failed, lost))
@@ -35,7 +37,9 @@ def casualties(points: Sequence[Any], words: Words = PLAIN) -> str:
         both = [_range(values, word) for values, word in zip(zip(*pairs, strict=True), ("failed", "lost"), strict=True)]
         if any(both):
             told.append(f"{words.filter(label)}: {' and '.join(each for each in both if each)}")
-    return f"Runs failed (left out of means) or lost. {'; '.join(told)}" if told else ""
+    counted = ["left out of means"] if set(statistics) != {"median"} else []
+    counted += ["infinite in medians"] if "median" in statistics else []
+    return f"Runs failed ({', '.join(counted)}) or lost. {'; '.join(told)}" if told else ""
 
 
 def _what(figure: Any, metrics: str, runs: str, points: Sequence[Point], words: Words) -> str:
@@ -54,7 +58,8 @@ def _what(figure: Any, metrics: str, runs: str, points: Sequence[Point], words: 
         statistic += " at each step"
     errors = any(point.low is not None for point in points)
     mark = "band" if figure.kind in ("curve", "panels") else "bars" if figure.kind == "sweep" else "whiskers"
-    parts = [statistic, f"{mark}: ± 2 standard errors" if errors else "no standard errors available"]
+    width = "95 % interval between two of the runs" if figure.statistic == "median" else "± 2 standard errors"
+    parts = [statistic, f"{mark}: {width}" if errors else "no standard errors available"]
     if getattr(figure, "whiskers", None):
         parts.append("thin bars: ± one standard deviation of the runs")
     if getattr(figure, "band", None):

@@ -106,7 +106,7 @@ def _sweep(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: 
                 height = np.full(across.size, point.y * figure.y.times)
                 every = (2 + order % 3, 4)
                 ax.plot(across, height, transform=ax.get_yaxis_transform(), markevery=every, **line_style(look))
-                if point.low is not None and point.high is not None:
+                if point.low is not None and point.high is not None and abs(point.high) < HUGE:
                     low_, high_ = point.low * figure.y.times, point.high * figure.y.times
                     ax.axhspan(low_, high_, color=look.colour, alpha=0.15, linewidth=0)
 
@@ -197,12 +197,13 @@ def _band(ax: Axes, x: Any, low: Any, high: Any, look: Look) -> None:
 
 
 def _bars_of_error(ax: Axes, x: Any, y: Any, low: Any, high: Any, look: Look, thin: bool = False) -> None:
-    there = np.isfinite(y) & np.isfinite(low) & np.isfinite(high)
+    """A bar from low to high, with caps; one without a finite upper end reaches up to the mark."""
+    there = np.isfinite(y) & np.isfinite(low)
     if there.any():
-        low = np.maximum(low, high / 1e3) if ax.get_yscale() == "log" else low
-        x, low, high = x[there], low[there], high[there]
+        low = np.fmax(low, high / 1e3) if ax.get_yscale() == "log" else low
+        x, y, low, high = x[there], y[there], low[there], high[there]
         width, cap = (0.6, 4) if thin else (1.2, 6)
-        ax.vlines(x, low, high, color=look.colour, linewidth=width, zorder=3)
+        ax.vlines(x, low, np.where(np.isfinite(high), high, y), color=look.colour, linewidth=width, zorder=3)
         for end in (low, high):
             ax.plot(x, end, linestyle="", marker="_", markersize=cap, color=look.colour, markeredgewidth=width)
 

@@ -143,6 +143,15 @@ class Material:
         replicated = _replicated(key[3], self._columns(key, statistic), statistic)
         return float(replicated[0]), standard_error(replicated)
 
+    def rank_interval(self, key: Key) -> tuple[float, float]:
+        """The 95 % interval of a median between two of the runs; NaN where it needs more runs, or their numbers."""
+        if key[3] in ("failed", "lost") or not self.has_values(key[3]):
+            return math.nan, math.nan
+        from rkfbench.claims.replicates import rank_interval
+
+        values = self._columns(key, "median")[key[3]]
+        return rank_interval(values[~np.isnan(values)])
+
     def batches(self, key: Key, statistic: str, size: int) -> list[float]:
         """A statistic over disjoint batches of `size` runs; [] where there are no numbers per run."""
         if key[3] in ("failed", "lost") or is_time(key[3]) or not self.results.has_runs:

@@ -1,6 +1,7 @@
 """How a number with its standard error is written: as many digits as the error supports, in plain text or LaTeX.
 
-Two significant digits of the error decide: 2.48731 with error 0.01124 is `2.487 ± 0.011`.
+Two significant digits of the error decide: 2.48731 with error 0.01124 is `2.487 ± 0.011`. A value below its error keeps
+two digits of its own, unless it is next to nothing beside it: 1662 with error 30010 is `1700 ± 30000`.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 DIGITS = 4  # significant digits of a number without an error
+NOTHING = 0.01  # of the error: a smaller value is shown as 0
 MOST_DIGITS = 7  # an error below 1e-7 of the number is rounding, and shown as 0
 LARGE, SMALL = 1e6, 1e-4  # beyond these a power of ten is split off
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -52,7 +54,8 @@ def written(value: float, error: float | None = None) -> Written:
     if error <= abs(value) * 10.0**-MOST_DIGITS:
         return Written(fixed(value, _decimals(value, MOST_DIGITS - 1)), "0", exponent)
     decimals = _decimals(error, 2)
-    return Written(fixed(value, decimals), fixed(error, decimals), exponent)
+    own = _decimals(value, 2) if NOTHING * error < abs(value) < error else decimals
+    return Written(fixed(value, own), fixed(error, decimals), exponent)
 
 
 def fixed(value: float, decimals: int) -> str:

@@ -1,7 +1,8 @@
 """The data behind a figure: from a declaration and the results to a flat list of points, which is also its CSV.
 
 A figure is drawn from its points and its declaration alone, so the CSV beside a picture is all that the picture shows.
-`low` and `high` are mean -+ 2 standard errors over the runs; empty where no error can be given.
+`low` and `high` are mean -+ 2 standard errors over the runs. The law of a median may be skewed, where many runs fail
+beyond all bounds: there they are the 95 % interval between two of the runs. Empty where none can be given.
 """
 
 from __future__ import annotations
@@ -139,7 +140,7 @@ def _summary_point(
 ) -> Point:
     key = reading, _, _, metric = key_of(row)
     y, se = material.estimate(key, statistic)
-    low, high = _interval(y, se)
+    low, high = _between(*material.rank_interval(key)) if statistic == "median" else _interval(y, se)
     if metric in ("failed", "lost") and low is not None and high is not None:  # shares
         low, high = max(low, 0.0), min(high, 1.0)
     counts = (row["runs"], row.get("failed"), row.get("lost"))
@@ -155,3 +156,7 @@ def _interval(y: float, se: Any) -> tuple[float | None, float | None]:
     if se is None or not math.isfinite(se) or not math.isfinite(y):
         return None, None
     return y - 2 * se, y + 2 * se
+
+
+def _between(low: float, high: float) -> tuple[float | None, float | None]:
+    return (None, None) if math.isnan(low) else (low, high)

@@ -151,5 +151,5 @@ def _note(table: Table, found: Sequence[Entry], words: Words) -> str:
     parts.append(f"unit: {table.unit}" if table.unit else "")
     parts.append("in italics: as printed in the paper" if any(entry.printed is not None for entry in found) else "")
     parts.append(f"reading: {found[0].reading}" if found[0].reading not in ("", "default") else "")
-    sentences = ["; ".join(part for part in parts if part), casualties(found, words)]
+    sentences = ["; ".join(part for part in parts if part), casualties(found, words, statistics)]
     return " ".join(f"{sentence}." for sentence in sentences if sentence)

@@ -5,7 +5,17 @@ import pytest
 from scipy import stats
 from statsmodels.stats.weightstats import DescrStatsW
 
-from rkfbench.claims.replicates import STATISTICS, VALUES, mean, median, rms, sd, standard_error, variance
+from rkfbench.claims.replicates import (
+    STATISTICS,
+    VALUES,
+    mean,
+    median,
+    rank_interval,
+    rms,
+    sd,
+    standard_error,
+    variance,
+)
 
 X = np.random.default_rng(1).gamma(2.0, size=57)
 Y = X + np.random.default_rng(2).normal(size=57)
@@ -110,3 +120,15 @@ def test_a_value_alone_is_the_one_before_the_replicates(statistic: str, x: list[
     values = np.array(x)
     with np.errstate(all="ignore"):
         np.testing.assert_array_equal(VALUES[statistic](values), STATISTICS[statistic](values)[:1])
+
+
+@pytest.mark.parametrize("n", [6, 7, 20, 101, 1000, 5000])
+def test_a_median_lies_between_two_runs_with_at_least_the_probability_asked_for(n: int) -> None:
+    low, high = rank_interval(np.arange(1.0, n + 1))  # the values are their ranks
+    assert low + high == n + 1
+    assert stats.binom.cdf(low - 1, n, 0.5) <= 0.025 < stats.binom.cdf(low, n, 0.5)
+
+
+def test_the_interval_of_a_median_is_open_where_runs_failed_and_none_where_there_are_too_few() -> None:
+    assert rank_interval(np.array([*range(9), *[np.inf] * 8], float)) == (4.0, np.inf)
+    assert np.isnan(rank_interval(np.arange(5.0))).all()

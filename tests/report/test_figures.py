@@ -125,6 +125,22 @@ def test_an_infinite_median_points_out_of_the_panel() -> None:
     assert [line.get_xdata().tolist() for line in ax.lines if line.get_marker() == "^"] == [[2.0]]
 
 
+def test_an_interval_without_an_upper_end_reaches_up_to_the_mark() -> None:
+    figure = declared(kind="sweep", over="rate", metric="rmse", statistic="median")
+    bounded, open_ = (1, 2.0, 1.0, 4.0), (2, 3.0, 2.0, math.inf)
+    found = [Point("ours", "", "", "kf", "rmse", *numbers) for numbers in (bounded, open_)]
+    (ax,) = drawn(figure, found).axes
+    (bars,) = ax.collections
+    assert [segment[:, 1].tolist() for segment in bars.get_segments()] == [[1.0, 4.0], [2.0, 3.0]]
+
+
+def test_the_caption_of_medians_says_that_failed_runs_count(material: Material) -> None:
+    figure = declared(kind="bars", metric="err_norm", statistic="median", cases=["rate=0.4"], filters=["kf"])
+    text = caption(figure, points(figure, material, "root"))
+    assert "whiskers: 95 % interval between two of the runs" in text
+    assert "Runs failed (infinite in medians) or lost." in text
+
+
 def test_swept_words_stand_in_their_order() -> None:
     figure = declared(kind="sweep", over="coin", metric="rmse")
     found = [Point("ours", "", "", "kf", "rmse", x, 1.0) for x in ("joint", "component")]

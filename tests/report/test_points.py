@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
@@ -11,6 +12,7 @@ from rkfbench.report import points as of
 from rkfbench.report.material import Material
 from rkfbench.report.points import Point
 from rkfbench.scenario.display import Figure
+from rkfbench.store import Results
 from tests.report import fakes
 
 
@@ -78,6 +80,16 @@ def test_the_error_of_a_median_comes_from_the_runs(material: Material) -> None:
     assert middle == pytest.approx(material.summary[key]["median"])
     assert error is not None
     assert 0.5 < error / material.summary[key]["se"] < 2.5
+
+
+def test_a_median_has_an_interval_between_two_runs_however_skewed(results: Results, monkeypatch: Any) -> None:
+    values = np.concatenate([np.linspace(1, 2, 31), np.geomspace(1e3, 1e9, 29)])  # half of the runs got lost
+    monkeypatch.setattr(results, "values", lambda *key: values)
+    (point,) = points(fakes.material(results), kind="sweep", over="rate", metric="err_norm", statistic="median",
+                      filters=["kf"], cases=["rate=0.2"])  # fmt: skip
+    ordered = np.sort(values)
+    assert (point.low, point.high) == (ordered[21], ordered[38])  # P(X < 22) = 0.014 for 60 runs
+    assert point.y == pytest.approx(np.median(values))
 
 
 def test_the_share_of_lost_runs_is_a_metric(material: Material) -> None:
