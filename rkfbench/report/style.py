@@ -15,6 +15,7 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ FILTERS: dict[str, Look] = {
     "pf": Look(GREEN, "v", DASHDOT), "ps": Look(ORANGE, "P", LONG),
     "hukf": Look(BLUE, "s"), "hukf0": Look(BLUE, "d", DOTTED), "hddf": Look(GREEN, "X", DASHDOT),
     "nrukf_r": Look(RED, "p"), "nrukf_y": Look(PURPLE, "^", LONG), "nrukf_r_it": Look(RED, "8", DASHED),
-    "nrukf_y_it": Look(PURPLE, "p", DOTTED), "hekf": Look(ORANGE, "s", DOTTED), "ukf_match": Look(BLACK, "*", DASHDOT),
+    "nrukf_y_it": Look(PURPLE, "p", DOTTED), "hekf": Look(BLACK, "s", DOTTED), "ukf_match": Look(BLACK, "*", DASHDOT),
     "skf": Look(BLACK, "d", LONG), "sdf": Look(SKY, "D", DASHDOT), "raf": Look(ORANGE, "^", DASHED),
     "daf": Look(RED, "*"), "hkf_regression": Look(PURPLE, "d", DASHED),
 }  # fmt: skip
@@ -87,26 +88,40 @@ _alone = threading.RLock()
 def looks(labels: Sequence[str], names: Mapping[str, str] | None = None) -> dict[str, Look]:
     """The look of every filter of a scenario: `labels` in its order, `names` from label to the filter's own name.
 
-    A known filter has its fixed look; the others take the spare ones in turn, so that a scenario's figures agree.
+    A known filter has its fixed look. The others take the spare ones in turn, first those in colours that no known
+    filter here has, so that a scenario's figures agree.
     """
-    families = {label: (names or {}).get(label) or label.split("[")[0] for label in labels}
+    families = {label: _family(label, (names or {}).get(label, label)) for label in labels}
+    references = [label for label in labels if any(map(_is_reference, (label.lower(), families[label])))]
+    others = [label for label in labels if label not in references]
+    taken = {look.colour for each in others if (look := FILTERS.get(each) or FILTERS.get(families[each]))}
+    spare = cycle(sorted(SPARE, key=lambda look: look.colour in taken))
+    of_family = dict(FILTERS)
+    for label in others:
+        if label not in FILTERS and families[label] not in of_family:
+            of_family[families[label]] = next(spare)
     result: dict[str, Look] = {}
-    spare = 0
     for label in labels:
         family = families[label]
-        known = FILTERS.get(label) or (FILTERS.get(family) if label != family else None)
-        if label.lower().startswith(REFERENCES) or family.startswith(REFERENCES):
+        if label in references:
             result[label] = Look(GREY, "", DASHED, reference=True)
-        elif known is None or label in FILTERS:
-            result[label] = known or SPARE[spare % len(SPARE)]
-            spare += known is None
+        elif label in of_family:
+            result[label] = of_family[label]
         else:
-            siblings = [each for each in labels if families[each] == family and each not in FILTERS]
-            result[label] = variant(known, siblings.index(label), len(siblings))
-    references = [label for label, look in result.items() if look.reference]
+            siblings = [each for each in labels if families[each] == family and each not in of_family]
+            result[label] = variant(of_family[family], siblings.index(label), len(siblings))
     for label, dash in zip(references, (DASHED, DOTTED, DASHDOT, LONG), strict=False):
         result[label] = replace(result[label], dash=dash)
     return result
+
+
+def _family(label: str, name: str) -> str:
+    """The filter of which it may be a variant; one that is put together from parts has no name but its label."""
+    return label.partition("[")[0] if name == label else name
+
+
+def _is_reference(name: str) -> bool:
+    return name.startswith(REFERENCES)
 
 
 def variant(look: Look, index: int, count: int) -> Look:

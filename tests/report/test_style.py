@@ -22,7 +22,20 @@ PAPERS = [
     ("kf", "hkf", "aladkf"),
     ("ekf", "ukf", "ckf", "pekf", "tempered", "inflated", "iterated", "flow"),
     ("kf", "mckf", "fpmcs", "ks", "pf", "ps"),
-    ("ekf", "ukf", "dd2", "hukf", "hukf0", "hddf", "nrukf_r", "nrukf_y", "nrukf_r_it", "nrukf_y_it", "ukf_match"),
+    (
+        "ekf",
+        "ukf",
+        "dd2",
+        "hukf",
+        "hukf0",
+        "hddf",
+        "nrukf_r",
+        "nrukf_y",
+        "nrukf_r_it",
+        "nrukf_y_it",
+        "ukf_match",
+        "hekf",
+    ),
     ("skf", "sdf", "raf", "daf"),
 ]
 
@@ -36,6 +49,28 @@ def test_within_a_paper_every_filter_differs_in_more_than_colour(filters: tuple[
 def test_unknown_filters_take_spare_looks_in_their_order() -> None:
     looks = style.looks(["first", "second"])
     assert (looks["first"], looks["second"]) == style.SPARE[:2]
+
+
+def test_unknown_filters_take_the_colours_that_the_known_ones_leave() -> None:
+    looks = style.looks(["ekf", "mine", "ukf", "hekf", "yours"])
+    assert len({look.colour for look in looks.values()}) == 5
+
+
+def test_variants_of_an_unknown_filter_share_a_look_as_those_of_a_known_one_do() -> None:
+    names = {"studentt[dof=3]": "my.py:studentt", "studentt[dof=9]": "my.py:studentt", "vbakf": "my.py:vbakf"}
+    looks = style.looks(["ekf", *names, *names.values()], names)
+    base = looks["my.py:studentt"]
+    assert looks["studentt[dof=3]"] == style.variant(base, 0, 2)
+    assert looks["studentt[dof=9]"] == style.variant(base, 1, 2)
+    assert looks["vbakf"] == looks["my.py:vbakf"]
+    assert len({looks["ekf"].colour, base.colour, looks["vbakf"].colour}) == 3
+
+
+def test_variants_of_a_filter_put_together_from_parts_belong_to_their_label() -> None:
+    labels = ["tempered", "tempered[dl=0.5]", "tempered[dl=0.2]"]
+    looks = style.looks(labels, {label: label for label in labels})
+    assert looks["tempered"] == style.FILTERS["tempered"]
+    assert looks["tempered[dl=0.5]"] == style.variant(looks["tempered"], 0, 2)
 
 
 def test_references_are_grey_without_marker_and_told_apart_by_their_dash() -> None:
