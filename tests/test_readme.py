@@ -32,6 +32,23 @@ def test_the_scenario_runs(tmp_path):
     assert set(result.filters) == {"clairvoyant_kf", "kf", "aladkf", "hkf[threshold=1]", "hkf[threshold=2]"}
 
 
+def commands(scenario):
+    """The commands that the README shows for a scenario."""
+    shown = re.findall(rf"(?m)^ *rkfbench (\w+ {scenario}\S*.*)$", README)
+    return [line.partition("#")[0] for line in shown]
+
+
+def test_the_commands_run_on_the_scenario(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("my-outliers.yaml").write_text(block("yaml").replace("steps: 200", "steps: 5"), encoding="utf-8")
+    shown = [line for line in commands("my-outliers.yaml") if "tcp://" not in line and "ARRAY" not in line]
+    assert len(shown) == 3
+    for line in shown:
+        small = "--max-runs 200" if "--precision" in line else "--runs 200 --jobs 1"  # what stands last counts
+        result = CliRunner().invoke(app, [*line.split(), *small.split()])
+        assert result.exit_code == 0, result.output
+
+
 def test_the_python_example_runs():
     rng = np.random.default_rng(1)
     known = {"y": rng.standard_normal((20, 3)), "x0": np.zeros(4), "P0": np.eye(4), "Q": np.eye(4), "R": np.eye(3)}

@@ -90,7 +90,7 @@ def run(
     _check_apart(folders)
     studies = list(zip(loaded, folders, strict=True))
     if shard is None:
-        goals = [running.goal(scenario, precision, max_runs) for scenario in loaded]
+        goals = [running.goal(terminal, scenario, precision, max_runs) for scenario in loaded]
         with Pool(jobs) as pool:
             outcomes = running.experiments(
                 terminal, studies, pool, full=full, fresh=fresh, jobs=jobs, scheduler=scheduler, goals=goals

@@ -26,7 +26,7 @@ Precision = Annotated[
     typer.Option(
         "--precision",
         metavar="[METRIC=]NUMBER",
-        help="Run until the relative standard error is that small in all cases (default metric: the score).",
+        help="Run until the relative standard error is that small in all cases (default: the score or first metric).",
     ),
 ]
 MaxRuns = Annotated[int | None, typer.Option("--max-runs", min=1, help="Where --precision gives up (100000).")]

@@ -114,13 +114,15 @@ def shards(
     return outcomes
 
 
-def goal(scenario: Any, precision: list[str], max_runs: int | None) -> Any:
-    """What `--precision` asks of a scenario, if anything."""
+def goal(terminal: Terminal, scenario: Any, precision: list[str], max_runs: int | None) -> Any:
+    """What `--precision` asks of a scenario, if anything; said, as the metric may be the scenario's."""
     if not precision:
         return None
     from rkfbench.study.precision import Goal
 
-    return Goal.of(precision, max_runs, scenario)
+    found = Goal.of(precision, max_runs, scenario)
+    terminal.note(f"{scenario.name}: precision {found} in every case, with at most {found.most} runs")
+    return found
 
 
 def show(terminal: Terminal, outcomes: Sequence[Any]) -> None:

@@ -42,8 +42,11 @@ class Goal:
     def of(cls, texts: Sequence[str], most: int | None, scenario: Scenario) -> Goal:
         """The goal that `--precision 0.01` or `--precision METRIC=0.01` sets; UsageError where it makes no sense.
 
-        Without a metric it is about the scenario's score.
+        Without a metric it is about the scenario's score, or its first metric where the score is not measured.
         """
+        measured = [each for each in scenario.cells[0].spec["metrics"] if not metrics.get(each).curve]
+        if not measured:
+            raise UsageError("--precision: the scenario measures only curves: give it a metric of a whole run")
         relative: dict[str, float] = {}
         for text in texts:
             name, _, number = text.rpartition("=")
@@ -53,9 +56,8 @@ class Goal:
                 value = math.nan
             if not 0 < value < math.inf:
                 raise UsageError(f"--precision {text}: should be a positive number or METRIC=NUMBER, such as rmse=0.01")
-            relative[name or _score(scenario)] = value
+            relative[name or _score(scenario, measured)] = value
         for name in relative:
-            measured = [each for each in scenario.cells[0].spec["metrics"] if not metrics.get(each).curve]
             if name not in measured:
                 raise UsageError(
                     f"--precision: the scenario does not measure {name}: "
@@ -186,7 +188,7 @@ def _names(spec: Any) -> Iterator[str]:
                 yield from _names(value)
 
 
-def _score(scenario: Scenario) -> str:
-    """The metric by which runs are judged, as the scenario measures it."""
-    spec = scenario.cells[0].spec
-    return "score" if "score" in spec["metrics"] else spec.get("score") or "rmse"
+def _score(scenario: Scenario, measured: Sequence[str]) -> str:
+    """The metric by which runs are judged, as the scenario measures it; the first of `measured` where it does not."""
+    usual = ("score", scenario.cells[0].spec.get("score") or "rmse")
+    return next((name for name in usual if name in measured), measured[0])

@@ -128,6 +128,8 @@ def test_the_goal_is_about_the_score_or_the_metric_named() -> None:
     assert Goal.of(["0.01", "rmse=0.1"], 500, study) == Goal({"score": 0.01, "rmse": 0.1}, 500)
     assert Goal.of(["0.01"], None, fakes.scenario()) == Goal({"rmse": 0.01}, 100_000)
     assert Goal.of(["0.01"], None, study.changed(metrics=["mse"], score="mse")) == Goal({"mse": 0.01}, 100_000)
+    without = study.changed(metrics=["err_norm@k", "mse", "err_norm"])
+    assert Goal.of(["0.01"], None, without) == Goal({"mse": 0.01}, 100_000)
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "much", "rmse=", "rmse=nan", "inf"])
