@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from math import inf
 from typing import Any
 
 from rkfbench.report.material import distinct
@@ -59,6 +60,7 @@ def _what(figure: Any, metrics: str, runs: str, points: Sequence[Point], words: 
     errors = any(point.low is not None for point in points)
     mark = "band" if figure.kind in ("curve", "panels") else "bars" if figure.kind == "sweep" else "whiskers"
     width = "95 % interval between two of the runs" if figure.statistic == "median" else "± 2 standard errors"
+    width += ", without a cap where it has no end" if any(point.high == inf for point in points) else ""
     parts = [statistic, f"{mark}: {width}" if errors else "no standard errors available"]
     if getattr(figure, "whiskers", None):
         parts.append("thin bars: ± one standard deviation of the runs")

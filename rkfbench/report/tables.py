@@ -141,13 +141,13 @@ def _note(table: Table, found: Sequence[Entry], words: Words) -> str:
     """Below a sheet: statistic, runs, unit, reading, and who failed."""
     if table.computed:
         return "Exact counts."
-    statistics = " and ".join(distinct(entry.statistic for entry in found))
+    statistics = distinct(entry.statistic for entry in found)
     runs = distinct(entry.runs for entry in found if entry.runs is not None)
     what = "repeats" if all(is_time(entry.metric) for entry in found) else "runs"
     over = f" over {' or '.join(map(str, runs))} {what}" if runs else ""
     metrics = distinct(entry.metric for entry in found)
     of = f" of {words.metric(metrics[0])}" if len(metrics) == 1 else ""
-    parts = [f"{statistics.capitalize()}{of}{over} ± one standard error"]
+    parts = [f"{' and '.join(statistics).capitalize()}{of}{over} ± one standard error"]
     parts.append(f"unit: {table.unit}" if table.unit else "")
     parts.append("in italics: as printed in the paper" if any(entry.printed is not None for entry in found) else "")
     parts.append(f"reading: {found[0].reading}" if found[0].reading not in ("", "default") else "")

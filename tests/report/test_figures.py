@@ -132,6 +132,7 @@ def test_an_interval_without_an_upper_end_reaches_up_to_the_mark() -> None:
     (ax,) = drawn(figure, found).axes
     (bars,) = ax.collections
     assert [segment[:, 1].tolist() for segment in bars.get_segments()] == [[1.0, 4.0], [2.0, 3.0]]
+    assert "without a cap where it has no end" in caption(figure, found)
 
 
 def test_the_caption_of_medians_says_that_failed_runs_count(material: Material) -> None:

@@ -130,7 +130,9 @@ def test_a_filter_of_which_every_run_failed_has_no_mean_and_an_infinite_median(t
     table = Table(id="t", metric="err_norm", filters=["hkf"], cases=["rate=0.4"])
     text = tables.markdown(table, [sheet(table, dead)])
     assert "| rate = 0.4 | – (median ∞) |" in text
-    assert f"HKF: {fakes.RUNS} failed" in text
+    assert f"Runs failed (left out of means) or lost. HKF: {fakes.RUNS} failed" in text
+    medians = table.model_copy(update={"statistic": "median"})
+    assert "Runs failed (infinite in medians) or lost." in tables.markdown(medians, [sheet(medians, dead)])
 
 
 def test_times_say_repeats_and_stand_under_one_reading(material: Material) -> None:
