@@ -61,6 +61,7 @@ class Verified:
     docket: Docket
     rows: list[Row]
     changes: list[Change]
+    source: str  # what `rkfbench run` takes to make the folder again
 
 
 def verified(folder: Path) -> list[Verified]:
@@ -76,7 +77,9 @@ def verified(folder: Path) -> list[Verified]:
         mine = [kept.pop(key) for key in list(kept) if key in cells]
         rows, changes = verify(docket.paper, docket.cells, mine, docket.outlines)
         about = [_noted(row, results) for row in rows if row.cell.form.scenario == scenario.name]
-        found.append(Verified(docket, about, [change for change in changes if change.key[4] == scenario.name]))
+        found.append(
+            Verified(docket, about, [change for change in changes if change.key[4] == scenario.name], source(results))
+        )
     if found:
         found[0].changes.extend(Change(line.key, line.verdict, "", None) for line in kept.values())
     return found
@@ -108,11 +111,17 @@ def sentences(judged: Iterable[Verified]) -> Iterator[tuple[str, str, str]]:
 
 
 def current(results: Results) -> Scenario:
-    """The scenario of a results folder as it is now: bundled, or in the user's file; else the one that is stored."""
+    """The scenario of a results folder as it is now."""
+    bundled = results.scenario in scenarios.bundled()
+    return scenarios.load_bundled(results.scenario) if bundled else scenarios.load(source(results))
+
+
+def source(results: Results) -> str:
+    """Where that scenario is found: the name of a bundled one, or the user's file; else the one that is stored."""
     if results.scenario in scenarios.bundled():
-        return scenarios.load_bundled(results.scenario)
-    source = Path(results.manifest.get("source", ""))
-    return scenarios.load(source if source.is_file() else results.folder / "scenario.yaml")
+        return results.scenario
+    path = Path(results.manifest.get("source", ""))
+    return str(path if path.is_file() else results.folder / "scenario.yaml")
 
 
 def dockets(scenario: Scenario, results: Results | None = None) -> list[Docket]:

@@ -335,9 +335,12 @@ def test_explain_tells_what_was_measured_and_how_to_repeat_it(claiming: Path) ->
         "claimed > 0: reproduced",
         "would flip at",
         "interval",
-        "rkfbench run small",
+        "% of the level",
     ):
         assert part in text
+    *_, command = text.splitlines()
+    assert command == f"repeat with: rkfbench run {claiming.name}"
+    assert rkfbench(*command.split()[3:]).exit_code == 0
     assert "did you mean 'outliers'?" in rkfbench("explain", "outlier").stderr
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from math import inf, isnan
+from math import inf, isnan, nan
 from typing import Any
 
 from rkfbench.claims.ledger import ClaimVerdict, Row, counts
@@ -40,7 +40,8 @@ def _judgement_notes(row: Row) -> Iterable[str]:
     if not isnan(judgement.resolution):
         yield f"resolution {_percent(judgement.resolution)}"
     if not isnan(judgement.flip_at) and abs(judgement.flip_at) < inf:
-        away = "" if isnan(judgement.flip_percent) else f", {_percent(judgement.flip_percent)} away"
+        scale = row.observed.measured.scale if row.observed else nan
+        away = distance(judgement.flip, judgement.flip_percent, scale, row.cell.form.printed is not None)
         yield f"would flip at {judgement.flip_at:.4g}{away}"
     if row.verdict == "inconclusive" and row.observed and row.observed.measured.runs > 1:
         runs = "repeats" if row.cell.family == "timing" else "runs"
@@ -59,6 +60,18 @@ def _run_notes(row: Row) -> Iterable[str]:
         yield f"mean {observed.mean:.4g}, median {observed.median:.4g}"
     if observed and observed.chosen:
         yield f"chosen on tuning runs: {observed.chosen}"
+
+
+def distance(flip: float, percent: float, scale: float, printed: bool) -> str:
+    """How far the edge of the claimed region, or a printed number, stands from where the verdict would flip, and what
+    that is a share of: `scale`, the level of what is compared. Ratios and shares have the level 1; "" where there is
+    none.
+    """
+    if isnan(percent):
+        return ""
+    if printed:
+        return f", from the printed number by {_percent(percent)} of it"
+    return f", from the edge by {f'{flip:.2g}' if scale == 1 else f'{_percent(percent)} of the level {scale:.3g}'}"
 
 
 def _percent(value: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -58,10 +59,11 @@ def explain(
     from rkfbench.judge import verified
     from rkfbench.reproduce import folders_with_claims
 
-    rows = [row for folder in folders or folders_with_claims() for each in verified(folder) for row in each.rows]
-    mine = [row for row in rows if claim in (row.cell.id, row.cell.claim.id)]
+    judged = [each for folder in folders or folders_with_claims() for each in verified(folder)]
+    found = [(row, each.source) for each in judged for row in each.rows]
+    mine = [row for row, _ in found if claim in (row.cell.id, row.cell.claim.id)]
     if not mine:
-        known = dict.fromkeys(row.cell.id for row in rows)
+        known = dict.fromkeys(row.cell.id for row, _ in found)
         raise UsageError(f"no results decide a claim '{claim}'{did_you_mean(claim, known)}")
     if terminal.json:
         terminal.object([record(row) for row in mine])
@@ -73,8 +75,8 @@ def explain(
         role = "" if row.cell.role == "decides" else "beside: "
         terminal.data(f"\n[{row.cell.reading}] {role}{sentence(row)}")
         terminal.data(f"  interval {_span(row)}, one of {row.family_size} judged together")
-    for scenario in dict.fromkeys(row.cell.form.scenario for row in mine):
-        terminal.data(f"\nrepeat with: rkfbench run {scenario}")
+    for source in dict.fromkeys(source for row, source in found if row in mine):
+        terminal.data(f"\nrepeat with: {shlex.join(['rkfbench', 'run', source])}")
 
 
 @command

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rkfbench.claims.verdict import Holds, combine
-from rkfbench.claims.words import IN_TEXT, phrase
+from rkfbench.claims.words import IN_TEXT, distance, phrase
 from rkfbench.report import forest
-from rkfbench.report.material import distinct, text
+from rkfbench.report.material import distinct, number, text
 from rkfbench.report.numbers import written
 from rkfbench.scenario.claims import Claim
 from rkfbench.scenario.paper_schema import Paper
@@ -146,8 +146,8 @@ def remarks(row: Row) -> str:
     """The margin at which the verdict would flip, what would decide, and whose runs were lost."""
     notes = [text(row.get("reason"))] if row.get("reason") else []
     if row.get("flip_at") is not None and math.isfinite(row["flip_at"]):
-        percent = row.get("flip_percent")
-        away = f", {percent:{'.2g' if percent < 100 else '.0f'}} % away" if percent is not None else ""
+        flip, percent, scale = (number(row.get(name)) for name in ("flip", "flip_percent", "scale"))
+        away = distance(flip, percent, scale, bool(row.get("printed_runs")))
         notes.append(f"would flip at {row['flip_at']:.4g}{away}")
     if row["verdict"] == "inconclusive" and row.get("runs"):
         needed = row.get("runs_needed")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import replace
 from typing import Any
@@ -186,11 +187,12 @@ def test_sentences_say_estimate_claim_verdict_and_margin() -> None:
     said = {row.cell.id: sentence(row) for row in rows() if row.cell.role == "decides"}
     assert said["P-1"].startswith("a - b in e at R2: ")
     assert "claimed > 0: reproduced (would flip at" in said["P-1"]
-    assert "% away" in said["P-1"]
+    assert re.search(r", from the edge by [\d.]+ % of the level [\d.]+\)", said["P-1"])
     assert "runs would decide" in said["P-3"]
     assert said["P-4"] == "deviation of p.T1: 1e-12, tolerance 1e-09: reproduced"
     assert said["P-5"] == "unsupported (sec. 4 gives no proof)"
     assert "printed 12: not reproduced" in said["t-b"]
+    assert "from the printed number by" in said["t-b"]
     assert "resolution" in said["t-a"]
 
 

@@ -121,7 +121,7 @@ def claim_row(**changes: Any) -> dict[str, Any]:
         "claimed": "> 0", "region_low": 0.0, "region_high": float("inf"), "printed": None, "printed_runs": None,
         "estimate": 2.49, "se": 0.012, "runs": RUNS, "law": "t", "decided_on": "estimate", "mean": 2.49, "median": 2.5,
         "failed": 0, "lost": 0, "lower": 2.45, "upper": 2.53, "verdict": "reproduced", "flip_at": 2.45, "flip": 2.45,
-        "flip_percent": 98.0, "runs_needed": None, "reason": None,
+        "flip_percent": 98.0, "scale": 2.5, "runs_needed": None, "reason": None,
     }  # fmt: skip
     return row | changes
 

@@ -112,7 +112,7 @@ def test_the_first_screen_counts_the_verdicts_of_each_reading(page: Page) -> Non
 
 def test_the_ledger_holds_every_cell_with_its_flip_margin_and_what_stands_beside(page: Page) -> None:
     text = " ".join(page.text.split())
-    assert "would flip at 2.45, 98 % away" in text
+    assert "would flip at 2.45, from the edge by 98 % of the level 2.5" in text
     assert "about 700 runs would decide; 3 lost, 0 failed; mean 2.49, median 2.5" in text
     assert "shown beside" in text
 
