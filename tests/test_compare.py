@@ -110,4 +110,120 @@ def test_means_that_overflow_are_judged_by_medians(tmp_path: Path) -> None:
         return results(tmp_path / f"{name}{shift}", {"kf": values}, seed, False)
 
     assert compare(folder("a", 1, 0.0), folder("b", 2, 0.0)).level == "no statistical difference"
-    assert compare(folder("a", 1, 1.0), folder("b", 2, 0.0)).level == "different"
+    assert compare(folder("a", 1, 2.5), folder("b", 2, 0.0)).level == "different"
+
+
+def study(folder: Path, values: np.ndarray, failed: np.ndarray, seed: int = 7, per_run: bool = True) -> Results:
+    """A folder with the metric rmse of one filter in cases 0, 1, ..: values and failed (cases, runs)."""
+    rows, lines = [], []
+    for case, (x, dead) in enumerate(zip(values, failed, strict=True)):
+        counts = {"runs": len(x), "failed": int(dead.sum()), "lost": int(dead.sum())}
+        key = {"reading": "a", "case": str(case), "filter": "kf", "metric": "rmse"}
+        rows.append(key | counts | summarise(x, dead))
+        lines += [
+            ["a", case, i, "kf", int(d), int(d), "nan" if d else v]
+            for i, (v, d) in enumerate(zip(x, dead, strict=True))
+        ]
+    files.write_records(folder / "summary.csv", list(rows[0]), rows)
+    if per_run:
+        files.write_csv(folder / "runs.csv", ["reading", "case", "run", "filter", "failed", "lost", "rmse"], lines)
+    manifest.seal(folder, scenario="toy", seed=seed, runs=values.shape[1])
+    return Results.open(folder)
+
+
+@pytest.mark.parametrize("per_run", [True, False])
+def test_failed_runs_alone_make_a_difference(tmp_path: Path, per_run: bool) -> None:
+    values, none = np.random.default_rng(3).standard_normal((4, 30)), np.zeros((4, 30), bool)
+    some = none.copy()
+    some[:, ::5] = some[:, 1::5] = True
+    a = study(tmp_path / "a", values, none)
+    found = compare(a, study(tmp_path / "b", values, some, per_run=per_run))
+    assert found.level == "different"
+    assert {each.key[3] for each in found.differences} == {"failed", "lost"}
+    one = none.copy()
+    one[0, 3] = True
+    assert compare(a, study(tmp_path / "c", values, one, per_run=per_run)).level == "no statistical difference"
+
+
+def many(rng: np.random.Generator, runs: int) -> np.ndarray:
+    """Six rows each of a normal law, of laws skew to the right and to the left, and of one with few values."""
+    skew = rng.lognormal(0, 1.5, (12, runs))
+    return np.concatenate([rng.standard_normal((6, runs)), skew[:6], -skew[6:], rng.poisson(3, (6, runs))])
+
+
+@pytest.mark.parametrize(
+    ("runs", "others", "kept"),
+    [(5, 5, "paired"), (20, 20, "paired"), (20, 20, "first"), (5, 300, "first"), (20, 300, "first"), (20, 300, "none")],
+)
+def test_chance_alone_is_seldom_called_a_difference(runs: int, others: int, kept: str, tmp_path: Path) -> None:
+    """Two studies of the same laws: 5 % may differ; more than 4 of 20 has probability 0.003."""
+    rng, levels = np.random.default_rng(11), []
+    for k in range(20):
+        x, y = many(rng, runs), many(rng, others)
+        if kept == "paired":
+            of_the_run = rng.standard_normal(x.shape)
+            x, y = of_the_run + 0.1 * x, of_the_run + 0.1 * y
+        a = study(tmp_path / f"a{k}", x, np.zeros(x.shape, bool), 1, kept != "none")
+        b = study(tmp_path / f"b{k}", y, np.zeros(y.shape, bool), 1 if kept == "paired" else 2, kept == "paired")
+        levels.append(compare(a, b).level)
+    assert levels.count("different") <= 4
+
+
+def test_medians_that_differ_are_seen_where_a_mean_is_that_of_one_run(tmp_path: Path) -> None:
+    x, sound = np.random.default_rng(5).lognormal(0, 0.3, (3, 30)), np.zeros((3, 30), bool)
+    y = 3 * x
+    x[:, 7], y[:, 7] = 1e12, 2e12
+    a = study(tmp_path / "a", x, sound)
+    for name, seed, per_run in (("pairs", 7, True), ("others", 8, True), ("summary", 7, False)):
+        found = compare(a, study(tmp_path / name, y, sound, seed, per_run))
+        assert found.level == "different", name
+        assert {each.what for each in found.differences} == {"median"}
+
+
+@pytest.mark.parametrize(("seed", "per_run"), [(7, True), (8, True), (7, False)])
+def test_medians_and_shares_of_infinite_values_are_compared(tmp_path: Path, seed: int, per_run: bool) -> None:
+    rng, sound = np.random.default_rng(5), np.zeros((1, 400), bool)
+    x, y = rng.normal(50, 5, (1, 400)), rng.normal(50, 5, (1, 400))
+    x[:, :40] = y[:, 20:60] = np.inf
+    a = study(tmp_path / "a", x, sound)
+    assert compare(a, study(tmp_path / "b", y, sound, seed, per_run)).level == "no statistical difference"
+    assert compare(a, study(tmp_path / "c", y + 10, sound, seed, per_run)).level == "different"
+    if per_run:
+        y[:, :160] = np.inf
+        found = compare(a, study(tmp_path / "d", y, sound, seed))
+        assert "infinite" in {each.what for each in found.differences}
+
+
+def whole(folder: Path, factor: float = 1.0, deviation: float = 1e-12, threshold: float = 1.345) -> Results:
+    """A folder with one row, a curve of 100 runs, a check and a filter."""
+    results(folder, {"hkf": draw(1)})
+    key = {"reading": "a", "case": "", "filter": "hkf", "metric": "rmse@k"}
+    steps = [key | {"k": k, "mean": factor * (1 + k), "se": factor * 0.01, "median": None, "first": k} for k in (1, 2)]
+    files.write_records(folder / "series.csv", list(steps[0]), steps)
+    check = {"id": "toy.E1", "deviation": deviation, "tolerance": 1e-9, "note": f"deviates by {deviation}"}
+    files.write_records(folder / "checks.csv", list(check), [check])
+    filt = {"label": "hkf", "name": "hkf", "threshold": threshold, "root": "symmetric"}
+    files.write_records(folder / "filters.csv", list(filt), [filt])
+    manifest.seal(folder, scenario="toy", seed=7, runs=RUNS)
+    return Results.open(folder)
+
+
+@pytest.mark.parametrize(
+    ("changed", "level"),
+    [
+        ({"factor": 1 + 1e-12, "deviation": 2e-12}, "same to the tolerance"),
+        ({"factor": 1 + 1e-6}, "no statistical difference"),
+        ({"factor": 10.0}, "different"),
+        ({"deviation": 1e6}, "different"),
+        ({"threshold": 1.5}, "no statistical difference"),
+    ],
+)
+def test_curves_checks_and_filters_are_compared(tmp_path: Path, changed: dict[str, float], level: str) -> None:
+    a, b = whole(tmp_path / "a"), whole(tmp_path / "b", **changed)
+    assert compare(a, b).level == compare(b, a, common=True).level == level
+
+
+def test_curves_and_checks_of_one_folder_alone_are_differences_unless_only_common_ones_count(tmp_path: Path) -> None:
+    a, b = whole(tmp_path / "a"), results(tmp_path / "b", {"hkf": draw(1)})
+    assert {each.what for each in compare(a, b).differences} == {"curve", "check"}
+    assert compare(a, b, common=True).level == "same bytes"
