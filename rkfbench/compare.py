@@ -28,9 +28,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rkfbench import chance
+from rkfbench import chance, metrics
 from rkfbench.chance import Sample, Skew
 from rkfbench.errors import SpecError
+from rkfbench.metrics import Metric
 from rkfbench.store import files
 from rkfbench.store.results import RUNS, Results, Row
 
@@ -249,9 +250,11 @@ class _Pair:
             elif not self.equal(a, b) and all(map(math.isfinite, (a, b, first["sd"] or 0, second["sd"] or 0))):
                 tested.append(key)
         if tested:
+            roots = [_is_root(key) for key in tested]
             rows = [[each[key] for key in tested] for each in (self.first, self.second)]
-            x, y = (Sample(*np.array([_sample(row) for row in side]).T) for side in rows)
-            for key, z in zip(tested, chance.means(x, y, _skew(x, y, *rows)).tolist(), strict=True):
+            x, y = (Sample(*np.array(list(map(_sample, side, roots))).T) for side in rows)
+            skew = _skew(x, y, *(_reach(side, roots) for side in rows))
+            for key, z in zip(tested, chance.means(x, y, skew).tolist(), strict=True):
                 yield Difference(key, "mean", self.first[key]["mean"], self.second[key]["mean"], z)
 
     def _middles(self, key: Key, first: Row, second: Row) -> Iterator[Difference]:
@@ -300,10 +303,13 @@ class _Pair:
     def _curve(self, key: Key, n: int, m: int) -> _Curve:
         """The curve over n runs in one folder and over m in the other."""
         x, y = _common_steps(self.series[0][key], self.series[1][key])
-        first, second = (Sample(runs, c[:, 1], c[:, 2] * math.sqrt(runs)) for runs, c in ((n, x), (m, y)))
+        root = _is_root(key)
+        first, second = (
+            _of_squares(Sample(runs, each[:, 1], each[:, 2] * math.sqrt(runs)), root) for runs, each in ((n, x), (m, y))
+        )
         with np.errstate(all="ignore"):
             tested = ~self.alike(x[:, 1], y[:, 1]) & np.isfinite(x[:, 1:3]).all(1) & np.isfinite(y[:, 1:3]).all(1)
-            mean = (n * x[:, 1] + m * y[:, 1]) / (n + m)
+            mean = (n * first.mean + m * second.mean) / (n + m)
             c = np.sqrt(chance.pooled_variance(first, second)) / np.abs(mean)
             skew = np.minimum(3 * c + c**3, math.sqrt(n + m))
             z = np.where(tested, chance.means(first, second, Skew(skew, skew)), 0.0)
@@ -371,19 +377,27 @@ def _together(x: NDArray[Any], y: NDArray[Any]) -> tuple[NDArray[Any], NDArray[A
     return x[:runs], y[:runs]
 
 
+def _metric(name: str) -> Metric | None:
+    """The metric of that name; None for one of a plug-in that is not here: its statistic is a mean over all runs."""
+    try:
+        return metrics.get(name)
+    except SpecError:
+        return None
+
+
+def _is_root(key: Key) -> bool:
+    metric = _metric(key[3])
+    return metric is not None and metric.root
+
+
 def _sampled(results: Results, key: Key) -> Array:
     """The values of which summary.csv gives the quantiles."""
-    from rkfbench import metrics
-
-    try:
-        metric = metrics.get(key[3])
-    except SpecError:  # of a plug-in that is not here; its statistic is the mean over all runs
-        metric = None
+    metric = _metric(key[3])
     values = np.where(results.failed(*key[:3]), np.inf, results.values(*key))
     if metric is not None and metric.tracking:
         values = values[~results.lost(*key[:3])]
     values = values[~np.isnan(values)]
-    return np.sqrt(values) if metric is not None and metric.root else values
+    return np.sqrt(values) if _is_root(key) else values
 
 
 def _numbers(row: Row) -> int:
@@ -397,22 +411,30 @@ def _numbers(row: Row) -> int:
     )
 
 
-def _sample(row: Row) -> Sample:
-    return Sample(_numbers(row), row["mean"], row["sd"] or 0.0)
+def _sample(row: Row, root: bool) -> Sample:
+    return _of_squares(Sample(_numbers(row), row["mean"], row["sd"] or 0.0), root)
 
 
-def _skew(first: Sample, second: Sample, rows: Sequence[Row], others: Sequence[Row]) -> Skew:
+def _of_squares(sample: Sample, root: bool) -> Sample:
+    """The root of a mean is tested as the mean: the standard deviation s of r by the delta method is 2 r s of r^2."""
+    return Sample(sample.n, sample.mean**2, 2 * sample.mean * sample.sd) if root else sample
+
+
+def _reach(rows: Sequence[Row], roots: Sequence[bool]) -> Array:
+    """The largest value of each row and its 5 % quantile, (2, rows)."""
+    found = np.array([[row["max"] for row in rows], [row["q05"] for row in rows]], dtype=float)
+    return np.where(roots, found**2, found)
+
+
+def _skew(first: Sample, second: Sample, reach: Array, other: Array) -> Skew:
     """The third moment of a law is at most its variance times its reach, so its skewness at most the reach in standard
     deviations. To the right that is the largest value, to the left, of which summary.csv does not tell, three times
     the way to the 5 % quantile. Where runs failed their values tell nothing, but no sample of N values is more skew
     than sqrt(N).
     """
     N = first.n + second.n
-    high, low = (
-        np.array([[row[name] for row in side] for side in (rows, others)], dtype=float) for name in ("max", "q05")
-    )
     with np.errstate(all="ignore"):
         mean, sd = (first.n * first.mean + second.n * second.mean) / N, np.sqrt(chance.pooled_variance(first, second))
-        reach = high.max(0) - mean, 3 * (mean - low.min(0))
-        right, left = (np.fmin(each / sd, np.sqrt(N)) for each in reach)
+        ways = np.maximum(reach[0], other[0]) - mean, 3 * (mean - np.minimum(reach[1], other[1]))
+        right, left = (np.fmin(way / sd, np.sqrt(N)) for way in ways)
     return Skew(np.where(np.isfinite(right), right, np.sqrt(N)), np.where(np.isfinite(left), left, np.sqrt(N)))
