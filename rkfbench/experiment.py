@@ -105,7 +105,9 @@ class Experiment:
             "lost": lambda: parts.lost_of(spec.get("lost"), model, spec["steps"]),
             "point": lambda: parts.point_of(spec.get("point"), spec["steps"]),
             "score": lambda: parts.score_of(spec.get("score") or "rmse", model, spec),
-            "metrics": lambda: tuple(parts.metric(i, text, model, spec) for i, text in enumerate(spec["metrics"])),
+            "metrics": lambda: tuple(
+                parts.metric(i, text, assumed_model, spec) for i, text in enumerate(spec["metrics"])
+            ),
         }.items():
             with collect(faults):
                 made[name] = make()

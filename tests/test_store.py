@@ -126,6 +126,26 @@ def test_merged_moments_are_those_of_all_runs() -> None:
     np.testing.assert_allclose(merged.m2, ((good - good.mean(1, keepdims=True)) ** 2).sum(1), rtol=1e-8)
 
 
+def test_a_curve_leaves_out_the_runs_that_are_not_defined_at_a_step() -> None:
+    draw = np.random.default_rng(3)
+    paths, failed = draw.standard_normal((5, 30)), np.arange(30) == 4
+    paths[draw.random((5, 30)) < 0.6] = np.nan
+    paths[1], paths[2, :20] = np.nan, np.nan  # nowhere defined; nowhere in the first blocks
+    pieces = [Curve.of(np.arange(5), paths[:, a:b], failed[a:b]) for a, b in ((0, 7), (7, 20), (20, 30))]
+    merged = pieces[0].merge(pieces[1]).merge(pieces[2])
+    whole = Curve.of(np.arange(5), paths, failed)
+    good = paths[:, ~failed]
+    for step in (0, 2, 3, 4):
+        defined = good[step, ~np.isnan(good[step])]
+        for curve in (merged, whole):
+            assert curve.n[step] == len(defined) > 0
+            assert curve.mean[step] == pytest.approx(defined.mean())
+            assert curve.m2[step] == pytest.approx(defined.var() * len(defined))
+        assert whole.median[step] == np.median([*defined, np.inf])
+    assert merged.n[1] == whole.n[1] == merged.m2[1] == 0
+    assert np.isnan(merged.mean[1]) and np.isnan(whole.mean[1])
+
+
 def test_results_are_what_was_written(tmp_path: Path) -> None:
     results = Results.open(folder(tmp_path / "r"))
     assert (results.scenario, results.seed, results.runs) == ("toy", 7, 3)

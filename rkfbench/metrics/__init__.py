@@ -22,7 +22,7 @@ from rkfbench.metrics.conditioning import (
     WorseGivenPremise,
 )
 from rkfbench.metrics.errors import AbsoluteError, ErrorNorm, SquaredError, SquaredErrorWhere
-from rkfbench.metrics.influence import InfluenceNorm
+from rkfbench.metrics.influence import About, InfluenceNorm, Xi
 from rkfbench.metrics.objective import ArgminDistance, GradientRest
 from rkfbench.metrics.weights import Lambda, LambdaAuc, OutlierRate
 
@@ -77,11 +77,15 @@ def cond_S_max() -> Parts:
     return {"quantity": ConditionS(), "reduce": "max"}
 
 
-def if_norm(every: Annotated[int, Ge(1), "steps between two evaluations"] = 10) -> Parts:
-    """Norm of the influence function about the truth, eqs (59)-(77) and (81) over all n states, averaged over k = 10,
-    20, ..., T.
+def if_norm(
+    every: Annotated[int, Ge(1), "steps between two evaluations"] = 10,
+    about: Annotated[About, "the point c of (61): the true state, or the filter's own estimate"] = "truth",
+    xi: Annotated[Xi, "the integrals of (71): expected, or read literally inside the sum"] = "expected",
+) -> Parts:
+    """Norm of the influence function, eqs (59)-(77) and (81) over all n states or those named, averaged over k = 10,
+    20, ..., T where it exists.
     """
-    return {"quantity": InfluenceNorm(every)}
+    return {"quantity": InfluenceNorm(every, about, xi), "reduce": "mean_where"}
 
 
 def lambda_mean() -> Parts:
@@ -194,7 +198,9 @@ def get(text: str) -> Metric:
     elif match["at"] and not curve:
         first, _, last = match["at"].partition("..")
         at = (int(first), int(last or first))
-    if curve and parts.get("reduce") == "root":
+    if match["at"] and getattr(parts["quantity"], "of_run", False):
+        raise SpecError(f"'{text}' is about a run as a whole, not about single steps: write it without @{match['at']}")
+    if curve and parts.get("reduce") in ("root", "root_where"):
         parts = {**parts, "root": True}  # the root is taken over the runs at each k
     needs = lookup(METRICS, "metric", match["name"]).needs | getattr(parts["quantity"], "needs", frozenset())
     return Metric(text, states=states, at=at, curve=curve, needs=needs, **parts)

@@ -23,6 +23,7 @@ from rkfbench.linalg import Array
 
 if TYPE_CHECKING:
     from rkfbench.experiment import Experiment, World
+    from rkfbench.parts import Told
 
 # What a metric may need to know beyond measurements and estimates; of recorded data it is not always known.
 TRUTH = frozenset({"truth"})
@@ -53,7 +54,7 @@ _REDUCE: dict[str, Callable[[Array], Array]] = {
 @dataclass(frozen=True)
 class Trial:
     """One filter on one block of runs: what a metric may look at. `others` are the estimates of the metric's partners,
-    by label.
+    by label; `told` is what this filter alone is told, None if that is what all are.
     """
 
     experiment: Experiment
@@ -61,6 +62,7 @@ class Trial:
     filter: Any
     estimate: Estimate
     others: Mapping[str, Estimate] = field(default_factory=dict)
+    told: Told | None = None
     _seen: dict[Any, Array] = field(default_factory=dict, repr=False)
 
     def quantity(self, quantity: Quantity, states: tuple[int, ...]) -> Array:
@@ -68,6 +70,11 @@ class Trial:
         if (quantity, states) not in self._seen:
             self._seen[quantity, states] = quantity(self, states)
         return self._seen[quantity, states]
+
+    @property
+    def assumed(self) -> Told:
+        """What the filter is told: initial mean and covariance, Q and R."""
+        return self.told or self.experiment.told
 
     def truth(self) -> Array:
         """The true states that the means estimate: (T, n, M), or (1, n, M) for a smoother of one point."""
@@ -99,10 +106,14 @@ class Quantity(Protocol):
 
 @dataclass(frozen=True)
 class Each:
-    """The base of quantities that exist at every step and look at no other filter."""
+    """The base of quantities that exist at every step and look at no other filter.
+
+    Those that are `of_run` choose steps of each run by themselves, or have one number for all: no curve, no `@500`.
+    """
 
     keep: ClassVar[frozenset[str]] = frozenset()
     partners: ClassVar[Mapping[str, frozenset[str]]] = MappingProxyType({})
+    of_run: ClassVar[bool] = False
 
     def steps(self, T: int) -> NDArray[np.intp]:
         return np.arange(1, T + 1)

@@ -37,6 +37,7 @@ class ConditionTopLambda(Each):
     by: str = "aladkf"
     count: int = 25
     keep: ClassVar[frozenset[str]] = frozenset({"S"})
+    of_run: ClassVar[bool] = True
 
     @property
     def partners(self) -> Mapping[str, frozenset[str]]:  # type: ignore[override]
@@ -57,6 +58,7 @@ class ConditionRatioTopPsi(Each):
     over: str = "kf"
     count: int = 25
     keep: ClassVar[frozenset[str]] = frozenset({"S", "inflation"})
+    of_run: ClassVar[bool] = True
 
     @property
     def partners(self) -> Mapping[str, frozenset[str]]:  # type: ignore[override]
@@ -126,7 +128,7 @@ def psi_condition(estimate: Estimate) -> Array:
 
 def premise(trial: Trial) -> NDArray[np.bool_]:
     """Where (46) holds, (T, M)."""
-    return np.sqrt(psi_condition(trial.estimate)) >= cond(batched(trial.experiment.R))[0]
+    return np.sqrt(psi_condition(trial.estimate)) >= cond(batched(trial.assumed.R))[0]
 
 
 def worse(trial: Trial, than: str) -> NDArray[np.bool_]:

@@ -80,6 +80,7 @@ class Whiteness(Nis):
     """sum_k e_k' e_{k-l} / sum_k e_k' e_k: autocorrelation of the standardised innovations, one number a run."""
 
     lag: int = 1
+    of_run: ClassVar[bool] = True
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         e, _, _ = standardised(trial)

@@ -7,16 +7,20 @@ lambda_d = |v_d|, gradient = sum_d h_d' v_d/|v_d|.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rkfbench.filters.gaussian import GaussianFilter
+from rkfbench.filters.moments import Linear
+from rkfbench.filters.weights import LeastAbsolute
 from rkfbench.linalg import Array, solve
 from rkfbench.metrics.base import Each, Trial
-from rkfbench.metrics.influence import window
+from rkfbench.metrics.influence import inputs, reaches_back, window
+from rkfbench.models import Model
 
 NEWTON_STEPS = 60
 
@@ -31,12 +35,31 @@ class _Objective(Each):
     def steps(self, T: int) -> NDArray[np.intp]:
         return np.array([k for k in self.at if k < T], dtype=np.intp)
 
-    def terms(self, trial: Trial) -> tuple[Array, Array]:
-        """W_d (K, m, m) and h_d (K, m, n) up to the longest window."""
-        experiment = trial.experiment
-        F, H, _ = experiment.assumed_model.matrices
-        W, h, _ = window(F, H, experiment.Q, experiment.R, max(self.at) + 1)
-        return W, h
+    def applies(self, filt: object) -> bool:
+        """The ALADKF, whatever its update scheme, and no filter of nonlinear moments with its weight."""
+        return (
+            isinstance(filt, GaussianFilter)
+            and isinstance(filt.moments, Linear)
+            and isinstance(filt.weight, LeastAbsolute)
+        )
+
+    def check(self, model: Model) -> None:
+        """SpecError if the model has no such objective."""
+        reaches_back(model)
+
+    def terms(self, trial: Trial) -> tuple[Array, Callable[[int], Array]]:
+        """h_d (K, m, n) up to the longest window, and by k what v_d is beside h_d x: W_d y_{k-d}, d = 0 .. k-1, with
+        the part of a known input.
+        """
+        F, H, u = trial.experiment.assumed_model.matrices
+        W, h, _ = window(F, H, trial.assumed.Q, trial.assumed.R, max(self.at) + 1)
+        moved, y = inputs(F, H, u, W), trial.world.y
+
+        def seen(k: int) -> Array:
+            z: Array = W[:k] @ y[k - 1 :: -1]
+            return z if moved is None else z + moved[:k]
+
+        return h, seen
 
 
 @dataclass(frozen=True)
@@ -48,11 +71,11 @@ class GradientRest(_Objective):
     at: tuple[int, ...] = (5, 20, 50)
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        W, h = self.terms(trial)
+        h, seen = self.terms(trial)
         rows = []
-        for k in self.steps(len(trial.world.y)):
-            prediction = trial.experiment.assumed_model.f(trial.estimate.mean[k - 1], int(k) + 1)
-            v = h[: k + 1] @ prediction - W[: k + 1] @ trial.world.y[k::-1]
+        for k in self.steps(len(trial.world.y)).tolist():
+            prediction = trial.experiment.assumed_model.f(trial.estimate.mean[k - 1], k + 1)
+            v = h[: k + 1] @ prediction - seen(k + 1)
             parts = np.einsum("dij,dim->djm", h[: k + 1], v / np.sqrt((v * v).sum(1, keepdims=True)))
             rows.append(np.sqrt((parts[1:].sum(0) ** 2).sum(0) / (parts[0] ** 2).sum(0)))
         return np.array(rows)
@@ -63,10 +86,10 @@ class ArgminDistance(_Objective):
     """|xhat_k - argmin J_k|; the minimum of the convex J_k by damped Newton steps on a smoothed objective."""
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        W, h = self.terms(trial)
+        h, seen = self.terms(trial)
         rows = []
-        for k in self.steps(len(trial.world.y)):
-            best = minimise(h[:k], W[:k] @ trial.world.y[k - 1 :: -1], trial.estimate.mean[k - 1])
+        for k in self.steps(len(trial.world.y)).tolist():
+            best = minimise(h[:k], seen(k), trial.estimate.mean[k - 1])
             rows.append(np.sqrt(((trial.estimate.mean[k - 1] - best)[list(states)] ** 2).sum(0)))
         return np.array(rows)
 

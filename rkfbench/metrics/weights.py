@@ -30,6 +30,8 @@ class LambdaAuc(Lambda):
     By ranks (Mann-Whitney); NaN in a run without outliers or without clean measurements.
     """
 
+    of_run: ClassVar[bool] = True
+
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         flags = outliers(trial)
         ranks = np.argsort(np.argsort(super().__call__(trial, states), axis=0, kind="stable"), axis=0) + 1.0
@@ -42,6 +44,7 @@ class OutlierRate(Lambda):
     """Share of outliers among the steps of one fifth of lambda, fifth 1 being the smallest: 1 or 0 at those steps."""
 
     fifth: int = 5
+    of_run: ClassVar[bool] = True
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         order = np.argsort(super().__call__(trial, states), axis=0, kind="stable")

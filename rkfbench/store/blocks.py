@@ -37,7 +37,9 @@ class Damaged(Exception):
 
 
 class Curve(NamedTuple):
-    """Moments over the runs that did not fail, at the steps k; `m2` is the sum of squared deviations. All (K,)."""
+    """Moments over the runs that did not fail and are defined, at the steps k; `m2` is the sum of squared deviations.
+    All (K,).
+    """
 
     k: Array
     n: Array  # the number of those runs
@@ -48,27 +50,33 @@ class Curve(NamedTuple):
 
     @classmethod
     def of(cls, k: Array, paths: Array, failed: Array) -> Curve:
-        """The moments of `paths` (K, M) over the runs that are not `failed` (M,)."""
+        """The moments of `paths` (K, M) over the runs that are not `failed` (M,); NaN is a step at which the metric of
+        a run is not defined.
+        """
         good = paths[:, ~failed]
-        count = np.full(len(k), float(good.shape[1]))
-        if good.shape[1]:
-            mean = good.mean(1)
-            m2 = ((good - mean[:, None]) ** 2).sum(1)
-        else:
-            mean, m2 = np.full(len(k), np.nan), np.zeros(len(k))
-        median = np.median(np.where(failed, np.inf, paths), axis=1)
+        there = ~np.isnan(good)
+        count = there.sum(1).astype(float)
+        with np.errstate(invalid="ignore"):
+            mean = np.where(there, good, 0.0).sum(1) / count
+            m2 = np.where(there, (good - mean[:, None]) ** 2, 0.0).sum(1)
+        all_runs = np.where(failed, np.inf, paths)
+        median = np.median(all_runs, axis=1)
+        for step in np.flatnonzero(np.isnan(median)):
+            defined = all_runs[step, ~np.isnan(all_runs[step])]
+            median[step] = np.median(defined) if len(defined) else np.nan
         return cls(np.asarray(k, float), count, mean, m2, median, paths[:, 0])
 
     def merge(self, other: Curve) -> Curve:
         """The moments over both sets of runs; median and path stay those of the first."""
-        if not other.n.any():
-            return self
-        if not self.n.any():
-            return other._replace(median=self.median, first=self.first)
         count = self.n + other.n
-        delta = other.mean - self.mean
-        mean = self.mean + delta * (other.n / count)
-        m2 = self.m2 + other.m2 + delta**2 * (self.n * other.n / count)
+        with np.errstate(invalid="ignore"):
+            delta = other.mean - self.mean
+            mean = self.mean + delta * (other.n / count)
+            m2 = self.m2 + other.m2 + delta**2 * (self.n * other.n / count)
+        mean, m2 = (
+            np.where(other.n == 0, mine, np.where(self.n == 0, theirs, both))
+            for mine, theirs, both in ((self.mean, other.mean, mean), (self.m2, other.m2, m2))
+        )
         return Curve(self.k, count, mean, m2, self.median, self.first)
 
 

@@ -168,7 +168,8 @@ def _partners(experiment: Experiment, labels: Sequence[str]) -> dict[str, frozen
 def _reduce(case: Case, label: str, estimate: Estimate, others: Mapping[str, Estimate], runs: int) -> FilterResult:
     experiment, world = case
     wanted = _wanted(experiment, label)
-    trial = Trial(experiment, world, experiment.filters[label][0], estimate, others)
+    filt, told = experiment.filters[label]
+    trial = Trial(experiment, world, filt, estimate, others, told)
     lost = np.zeros(len(estimate.failed), dtype=bool)
     if experiment.lost is not None:
         with np.errstate(all="ignore"):  # a smoother of one point is lost where its filter is, at that point

@@ -46,9 +46,10 @@ def along(curve: Curve, root: bool = False) -> Iterable[Row]:
     for k, count, mean, m2, median, first in zip(*(each.tolist() for each in curve), strict=True):
         centre: float | None = mean if count else None
         se = math.sqrt(m2 / (count - 1) / count) if count > 1 else None
+        middle: float | None = median if median == median else None
         if root:
-            se, centre, median, first = _delta(centre, se), _root(centre), math.sqrt(median), math.sqrt(first)
-        yield {"k": int(k), "mean": centre, "se": se, "median": median, "first": first}
+            se, centre, middle, first = _delta(centre, se), _root(centre), _root(middle), math.sqrt(first)
+        yield {"k": int(k), "mean": centre, "se": se, "median": middle, "first": first}
 
 
 def _quantile(ordered: Array, q: float) -> float:

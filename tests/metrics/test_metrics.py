@@ -54,6 +54,7 @@ def test_error_metrics_are_what_they_say():
     np.testing.assert_allclose(measure("err_norm@k", "hkf"), np.linalg.norm(e, axis=1))
     assert metrics.get("rmse@k").statistic == "root_mean"
     np.testing.assert_allclose(measure("rmse@k", "hkf"), (e**2).sum(1))
+    assert metrics.get("rmse(steps=outlier)@k").statistic == metrics.get("innovation_rms@k").statistic == "root_mean"
     assert metrics.get("pooled_rmse").statistic == "root_mean"
     np.testing.assert_allclose(measure("pooled_rmse", "hkf"), (e**2).sum(1).mean(0))
 
@@ -124,11 +125,11 @@ def test_lambda_tells_outliers_as_ranks_say():
         assert top[i] == pytest.approx(flags[np.argsort(lam[:, i])[48:], i].mean())
 
 
-def naive_influence(weight, k, i):
-    """Eqs (59)-(77) for one run, term by term."""
+def naive_influence(weight, k, i, c=None, Q=EXPERIMENT.Q, R=EXPERIMENT.R, y=WORLD.y, literal=False, u=None):
+    """Eqs (59)-(77) for one run, term by term; what a known input added to x_{k-d} since is taken off by going back."""
     F, H, _ = EXPERIMENT.model.matrices
-    Q, R, c = EXPERIMENT.Q, EXPERIMENT.R, WORLD.x[k - 1, :, i]
-    back, G, total = np.linalg.inv(F), np.zeros((4, 4)), np.zeros(4)
+    c = WORLD.x[k - 1, :, i] if c is None else c
+    back, G, total, was = np.linalg.inv(F), np.zeros((4, 4)), np.zeros(4), c
     for d in range(k):
         B = sum(
             (np.linalg.matrix_power(back, p) @ Q @ np.linalg.matrix_power(back, p).T for p in range(1, d + 1)),
@@ -136,14 +137,16 @@ def naive_influence(weight, k, i):
         )
         W = np.linalg.inv(oracle.symmetric_root(H @ B @ H.T + R))
         h = W @ H @ np.linalg.matrix_power(back, d)
-        v = h @ c - W @ WORLD.y[k - 1 - d, :, i]
+        was = c if d == 0 else back @ (was - (0 if u is None else u))
+        v = W @ (H @ was - y[k - 1 - d, :, i])
+        counts = np.abs(v) < weight.threshold if literal else np.ones(3)
         if isinstance(weight, Huber):
             v = np.clip(v, -weight.threshold, weight.threshold)
         elif isinstance(weight, LeastAbsolute):
             v = v / np.linalg.norm(v)
-        G += h.T @ h
+        G += h.T @ np.diag(counts) @ h
         total += h.T @ v
-    return np.linalg.solve(xi_of(weight, 3) * G, total)
+    return np.linalg.pinv(xi_of(weight, 3) * G) @ total
 
 
 @pytest.mark.parametrize("weight", [Plain(), Huber(), LeastAbsolute()], ids=["kf", "hkf", "aladkf"])
@@ -160,7 +163,101 @@ def test_influence_functions_equal_a_naive_evaluation_at_full_window_length(weig
     np.testing.assert_allclose(measure("if_norm", label), curve.mean(0))
 
 
+@pytest.mark.parametrize("label", ["kf", "hkf", "aladkf"])
+def test_influence_about_the_own_estimate_and_with_literal_integrals(label):
+    filt = EXPERIMENT.filters[label][0]
+    own, literal = measure("if_norm(about=own,every=20)@k", label), measure("if_norm(xi=literal,every=20)@k", label)
+    for i in (0, 99):
+        for j, k in enumerate((20, 40, 60)):
+            about = naive_influence(filt.weight, k, i, ESTIMATES[label].mean[k - 1, :, i])
+            np.testing.assert_allclose(own[j, i], np.linalg.norm(about), rtol=1e-7)
+            inside = naive_influence(filt.weight, k, i, literal=label == "hkf")
+            np.testing.assert_allclose(literal[j, i], np.linalg.norm(inside), rtol=1e-7)
+    assert (literal == measure("if_norm(every=20)@k", label)).all() == (label != "hkf")
+
+
+def test_a_literal_integral_that_leaves_a_singular_matrix_takes_the_pseudo_inverse():
+    """All |v| beyond a tiny threshold: the matrix is zero, and so is its pseudo-inverse."""
+    F, H, _ = EXPERIMENT.model.matrices
+    told = F, H, EXPERIMENT.Q, EXPERIMENT.R, WORLD.x, WORLD.y, [20]
+    assert (influence(Huber(1e-12), *told, xi="literal") == 0).all()
+    IF = influence(Huber(0.2), *told, xi="literal")[0]
+    for i in range(0, 128, 9):
+        np.testing.assert_allclose(IF[:, i], naive_influence(Huber(0.2), 20, i, literal=True), rtol=1e-5)
+
+
+def test_what_a_filter_alone_is_told_counts():
+    """Its own Q and R in the influence function, the objective and the premise."""
+    R, Q = 9 * np.eye(3) + np.diag([0.0, 1.0, 20.0]), 0.25 * np.eye(4)
+    own = {"measurement_cov": R.tolist(), "process_cov": Q.tolist()}
+    names = ("kf", "hkf", "aladkf")
+    changed = Experiment.of({**SPEC, "filters": [{"label": name, "use": name, "assumed": own} for name in names]})
+    assert not np.allclose(changed.told.R, R)
+    for label in names:
+        filt, told = changed.filters[label]
+        estimate = filt.run(changed.model, WORLD.y, WORLD.x0, P0=told.P0, Q=told.Q, R=told.R, keep=KEEP[label])
+        trial = Trial(changed, WORLD, filt, estimate, ESTIMATES, told)
+        found = metrics.get("if_norm(every=60)@k")(trial)[0, 3]
+        assert found == pytest.approx(np.linalg.norm(naive_influence(filt.weight, 60, 3, Q=Q, R=R)))
+        if label == "hkf":
+            phi = 1 / estimate.extras["inflation"]
+            holds = np.sqrt(phi.max(1) / phi.min(1)) >= np.linalg.cond(R)
+            np.testing.assert_allclose(metrics.get("share_46")(trial), holds.mean(0))
+        if label == "aladkf":
+            F, H, _ = changed.model.matrices
+            W, h, _ = window(F, H, Q, R, 50)
+            best = minimise(h, W @ WORLD.y[49::-1], estimate.mean[49])
+            distance = np.linalg.norm(estimate.mean[49] - best, axis=0)
+            np.testing.assert_allclose(metrics.get("argmin_distance@50")(trial), distance, rtol=1e-9)
+
+
+def test_a_known_input_is_no_influence():
+    """Truth, measurements and estimates move with it; the influence function and the objective stay what they were."""
+    driven = Experiment.of({**SPEC, "input": {"value": 2.0}})
+    u = driven.model.matrices[2]
+    world = driven.simulate(Streams(6))
+    assert np.abs(world.y - WORLD.y).max() > 100
+    for label in ("kf", "hkf", "aladkf"):
+        filt, told = driven.filters[label]
+        estimate = filt.run(driven.model, world.y, WORLD.x0, P0=told.P0, Q=told.Q, R=told.R, keep=KEEP[label])
+        trial = Trial(driven, world, filt, estimate, ESTIMATES, told)
+        found = metrics.get("if_norm@k")(trial)
+        np.testing.assert_allclose(found, measure("if_norm@k", label), rtol=1e-6)
+        naive = naive_influence(filt.weight, 20, 7, world.x[19, :, 7], y=world.y, u=u)
+        assert found[1, 7] == pytest.approx(np.linalg.norm(naive))
+        if label == "aladkf":
+            for name in ("gradient_rest@50", "argmin_distance@50"):
+                np.testing.assert_allclose(metrics.get(name)(trial), measure(name, label), rtol=1e-5)
+
+
+def test_influence_functions_of_a_single_measurement_and_of_what_cannot_be_observed():
+    one = {**SPEC, "model": {**SPEC["model"], "observed": ["px"]}}
+    one |= {"measurement_noise": {"kind": "gaussian", "cov": 1.0}, "assumed": {"mean": [0, 0, 0, 0], "cov": 1.0}}
+    experiment = Experiment.of({**one, "metrics": ["if_norm"]})
+    world = experiment.simulate(Streams(6))
+    filt, told = experiment.filters["aladkf"]
+    estimate = filt.run(experiment.model, world.y, world.x0, P0=told.P0, Q=told.Q, R=told.R, keep=("lambda",))
+    trial = Trial(experiment, world, filt, estimate, {}, told)
+    assert np.isnan(metrics.get("if_norm")(trial)).all()  # py and vy are never seen
+    F, H = np.array([[1, 0.5], [0, 1]]), np.array([[1.0, 0]])
+    IF = influence(LeastAbsolute(), F, H, np.eye(2), np.eye(1), world.x[:, ::2], world.y, [1, 2, 40])
+    assert np.isnan(IF[0]).all() and np.isfinite(IF[1:]).all()
+    np.testing.assert_allclose(metrics.get("if_norm(every=1)")(measured("kf")), np.nanmean(curve_of("kf"), axis=0))
+
+
+def measured(label):
+    return Trial(EXPERIMENT, WORLD, EXPERIMENT.filters[label][0], ESTIMATES[label], ESTIMATES)
+
+
+def curve_of(label):
+    """At k = 1 there is no influence function; it is left out of the mean."""
+    curve = measure("if_norm(every=1)@k", label)
+    assert np.isnan(curve[0]).all() and np.isfinite(curve[1:]).all()
+    return curve
+
+
 def test_the_constants_of_the_influence_functions():
+    assert xi_of(LeastAbsolute(), 1) == pytest.approx(np.sqrt(2 / np.pi))
     assert xi_of(Huber(), 3) == pytest.approx(0.8213747654, abs=1e-10)
     assert xi_of(LeastAbsolute(), 3) == pytest.approx(0.5319230405, abs=1e-10)
     rng = np.random.default_rng(0)
@@ -221,6 +318,12 @@ def test_the_minimiser_of_the_objective_equals_scipys():
         ("share_46(stepz=all)", "did you mean 'steps'"),
         ("outlier_rate(fifth=9)", "less than or equal to 5"),
         ("share_46(all)", "parameter=value"),
+        ("whiteness@k", "about a run as a whole"),
+        ("lambda_auc@500", "write it without @500"),
+        ("outlier_rate(fifth=5)@1..9", "about a run as a whole"),
+        ("cond_S_top_lambda@k", "about a run as a whole"),
+        ("cond_ratio_top_psi@k", "about a run as a whole"),
+        ("if_norm(about=me)", "about"),
     ],
 )
 def test_a_metric_that_makes_no_sense_is_said(text, says):
