@@ -1,7 +1,8 @@
 """A filter for each part of a model that falls into independent parts: two axes, two sensors with states of their own.
 
 The exact answer is the same, and what costs more with every dimension (particles) then sees one part at a time. With
-many particles on two states this is the near-optimal reference of the FP-MCS paper's experiment.
+thousands of particles on two states this is the particle reference of the FP-MCS paper's experiment; how far it is from
+the optimum, only more particles tell.
 """
 
 from __future__ import annotations
@@ -147,7 +148,7 @@ class Decoupled:
 
 
 def decoupled(filter: Inner, parts: Parts) -> Decoupled:
-    """One filter for each independent part of a linear model: with many particles a near-optimal reference."""
+    """One filter for each independent part of a linear model: with many particles a reference."""
     return Decoupled(inner_filter(filter), parts)
 
 

@@ -51,7 +51,7 @@ def test_correntropy_locks_out_in_the_literal_case(cells):
     assert found["kf"].lost.mean() < 0.6
 
 
-def test_the_near_optimal_reference_beats_all_in_the_clean_case(cells):
-    found = compute(cells["C25"], 1, 0, 128, ["near-2000", "ks", "fpmcs[sigma=3]", "clairvoyant_ks"]).filters
+def test_the_particle_reference_beats_all_in_the_clean_case(cells):
+    found = compute(cells["C25"], 1, 0, 128, ["axes-2000", "ks", "fpmcs[sigma=3]", "clairvoyant_ks"]).filters
     error = {label: each.values["mse[px,py]@j"].mean() for label, each in found.items()}
-    assert error["clairvoyant_ks"] < error["near-2000"] < 0.8 * min(error["ks"], error["fpmcs[sigma=3]"])
+    assert error["clairvoyant_ks"] < error["axes-2000"] < 0.8 * min(error["ks"], error["fpmcs[sigma=3]"])
