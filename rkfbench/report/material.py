@@ -99,7 +99,8 @@ class Material:
 
     def pick_cases(self, item: Selection, reading: str, extras: bool = False) -> list[str]:
         if item.cases is not None:
-            return [case for case in self.cells[reading] if any(case_matches(name, case) for name in item.cases)]
+            there = self.cells[reading]
+            return distinct(case for name in item.cases for case in there if case_matches(name, case))
         return [case for case in self.cells[reading] if extras or case not in self.extra_cases]
 
     def pick_filters(self, item: Selection) -> list[str]:
@@ -178,7 +179,7 @@ class Material:
         values = self.results.values(*key)
         if is_time(key[3]):
             return values, np.zeros(len(values), bool)
-        return np.sqrt(values) if _is_root(key[3]) else values, self.results.failed(*key[:3])
+        return np.sqrt(values) if is_root(key[3]) else values, self.results.failed(*key[:3])
 
     def has_values(self, metric: str) -> bool:
         """Whether the numbers of single runs are there; those of times always are."""
@@ -245,14 +246,15 @@ def _replicated(metric: str, columns: Mapping[str, Any], statistic: str) -> Any:
     there = ~np.isnan(list(columns.values())).any(axis=0)
 
     def of(name: str) -> Any:
-        pooled = statistic == "mean" and _is_root(name)
+        pooled = statistic == "mean" and is_root(name)
         return (replicates.rms if pooled else replicates.STATISTICS[statistic])(columns[name][there])
 
     with np.errstate(all="ignore"):
         return of(metric) if metric in columns else parse(metric).evaluate(of)
 
 
-def _is_root(metric: str) -> bool:
+def is_root(metric: str) -> bool:
+    """Whether the mean of a metric is the root of the mean square over the runs, as that of `pooled_rmse`."""
     from rkfbench import metrics
 
     if metric in ("failed", "lost") or is_time(metric):

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from rkfbench.report.captions import casualties
+from rkfbench.report.captions import averaged, casualties
 from rkfbench.report.entries import Entry
 from rkfbench.report.material import distinct, is_time
 from rkfbench.report.numbers import SUPERSCRIPT, as_printed, fixed, written
@@ -137,19 +137,26 @@ def _tex(entry: Entry) -> str:
     return f"{entry.written.tex()} ({escape(entry.note)})" if entry.note else entry.written.tex()
 
 
+def _over(found: Sequence[Entry]) -> str:
+    """` over 3000 runs and 10 repeats of a time`."""
+    counted = {
+        what: distinct(each.runs for each in found if each.runs is not None and is_time(each.metric) == timed)
+        for what, timed in (("runs", False), ("repeats of a time", True))
+    }
+    told = [f"{' or '.join(map(str, numbers))} {what}" for what, numbers in counted.items() if numbers]
+    return f" over {' and '.join(told)}" if told else ""
+
+
 def _note(table: Table, found: Sequence[Entry], words: Words) -> str:
-    """Below a sheet: statistic, runs, unit, reading, and who failed."""
+    """Below a sheet: statistic, runs, unit, reading with its caveat, and who failed."""
     if table.computed:
         return "Exact counts."
-    statistics = distinct(entry.statistic for entry in found)
-    runs = distinct(entry.runs for entry in found if entry.runs is not None)
-    what = "repeats" if all(is_time(entry.metric) for entry in found) else "runs"
-    over = f" over {' or '.join(map(str, runs))} {what}" if runs else ""
-    metrics = distinct(entry.metric for entry in found)
-    of = f" of {words.metric(metrics[0])}" if len(metrics) == 1 else ""
-    parts = [f"{' and '.join(statistics).capitalize()}{of}{over} ± one standard error"]
+    statistics, metrics = distinct(entry.statistic for entry in found), distinct(entry.metric for entry in found)
+    error = " ± one standard error" if statistics != ["max"] else ""
+    error += " (of a max: none)" if error and "max" in statistics else ""
+    parts = [f"{averaged(statistics, metrics, words, name=len(metrics) == 1)}{_over(found)}{error}"]
     parts.append(f"unit: {table.unit}" if table.unit else "")
     parts.append("in italics: as printed in the paper" if any(entry.printed is not None for entry in found) else "")
-    parts.append(f"reading: {found[0].reading}" if found[0].reading not in ("", "default") else "")
-    sentences = ["; ".join(part for part in parts if part), casualties(found, words, statistics)]
-    return " ".join(f"{sentence}." for sentence in sentences if sentence)
+    told = casualties(found, words, statistics)
+    sentences = ["; ".join(part for part in parts if part), words.reading(found[0].reading), told]
+    return " ".join(f"{sentence.rstrip('.')}." for sentence in sentences if sentence)

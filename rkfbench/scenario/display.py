@@ -77,7 +77,7 @@ class Selection(Item):
         default=None, description="labels of filters, in order; default: all that are not `extra`"
     )
     cases: Annotated[list[Name], Field(min_length=1)] | None = Field(
-        default=None, description="labels of cases or parts of labels; default: all that are not `extra`"
+        default=None, description="labels of cases or parts of labels, in order; default: all that are not `extra`"
     )
 
     @property
@@ -106,7 +106,7 @@ class Steps(Plot):
         default="mean",
         description="over the runs, at each step; first: the path of the first run, with the band over all",
     )
-    beside: Name | None = Field(default=None, description="a second metric, drawn dashed in the same colour")
+    beside: Name | None = Field(default=None, description="a second metric, drawn dotted in the same colour")
     band: Name | None = Field(
         default=None, description="a metric b whose band from -b to b is shaded behind the curves"
     )

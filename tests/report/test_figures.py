@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from rkfbench.report import figures, style
-from rkfbench.report.captions import caption
+from rkfbench.report.captions import averaged, caption
 from rkfbench.report.material import Material
 from rkfbench.report.points import Lines, Point, points
 from rkfbench.report.words import Words
@@ -155,8 +155,22 @@ def test_the_caption_says_what_over_how_many_runs_and_where(material: Material) 
     lost = int(material.results.lost("root", "rate=0.4", "kf").sum())
     assert text == (
         "Error norm (82). Mean of error norm over 60 runs at each step; band: ± 2 standard errors. "
-        f"Case rate = 0.4. Reading root. Runs failed (left out of means) or lost. KF: {lost} lost."
+        f"Case rate = 0.4. Reading root. Runs failed (left out of means, infinite in medians) or lost. KF: {lost} lost."
     )
+
+
+def test_a_curve_of_root_mean_squares_is_not_called_a_mean(material: Material) -> None:
+    figure = declared(kind="curve", metric="rmse@k", cases=["rate=0.4"])
+    text = caption(figure, points(figure, material, "literal"))
+    assert text.startswith("RMSE: root of the mean square over 60 runs at each step; band: ± 2 standard errors.")
+    mixed = averaged(["mean", "median"], ["err_norm", "pooled_rmse"])
+    assert mixed == "Mean and median of error norm, pooled RMSE (mean of pooled RMSE: root of the mean square)"
+
+
+def test_the_cases_of_a_figure_stand_in_the_order_in_which_they_are_named(material: Material) -> None:
+    figure = declared(kind="bars", metric="err_norm", cases=["rate=0.3", "rate=0.05", "rate=0.3"])
+    shown = [point.case for point in points(figure, material, "literal") if point.filter == "kf"]
+    assert shown == ["rate=0.3", "rate=0.05"]
 
 
 def test_names_that_the_scenario_gives_are_read_everywhere(material: Material) -> None:

@@ -142,6 +142,13 @@ def test_times_say_repeats_and_stand_under_one_reading(material: Material) -> No
     assert "over 3 repeats" in sheets[0].note
 
 
+def test_runs_and_repeats_are_counted_apart_and_a_largest_value_has_no_error(material: Material) -> None:
+    both = Table(id="t", metric=["err_norm", "time_ms"], rows="filter", columns="metric", cases=["rate=0.05"])
+    assert "Mean over 60 runs and 3 repeats of a time ± one standard error." in sheet(both, material).note
+    largest = Table(id="t", metric="err_norm", statistic=["median", "max"], cases=["rate=0.05"])
+    assert "over 60 runs ± one standard error (of a max: none)" in sheet(largest, material).note
+
+
 def test_markdown_escapes_bars(material: Material) -> None:
     printed = fakes.printed_table(
         columns=[PrintedLine(label="|x|", filter="kf")], rows=[PrintedRow(label="a", case="rate=0.2", values=[1.0])]
