@@ -47,7 +47,10 @@ def write_claims(scenario: Scenario, folder: Path) -> list[Row]:
         mine = [_noted(row, results) for row in every if row.cell.form.scenario == scenario.name]
         rows += mine
         title = f"Claims of {docket.name} that {scenario.name} decides"
-        pages.append(markdown(title, claim_verdicts(docket.paper, mine, docket.outlines)))
+        own = docket.outlines[scenario.name].readings
+        verdicts = [each.under(own) for each in claim_verdicts(docket.paper, mine, docket.outlines)]
+        said = (f"*{reading}*: {text}" if len(own) > 1 else text for reading, text in scenario.caveats.items())
+        pages.append(markdown(title, verdicts, (scenario.title, scenario.notes, *said)))
     files.write_records(folder / CLAIMS, COLUMNS, map(record, rows))
     files.write(folder / "claims.md", "\n".join(pages))
     manifest.seal(folder)
@@ -59,6 +62,7 @@ class Verified:
     """What a folder's stored measurements say about the claims of a docket, and where claims.csv said otherwise."""
 
     docket: Docket
+    scenario: Scenario
     rows: list[Row]
     changes: list[Change]
     source: str  # what `rkfbench run` takes to make the folder again
@@ -78,7 +82,13 @@ def verified(folder: Path) -> list[Verified]:
         rows, changes = verify(docket.paper, docket.cells, mine, docket.outlines)
         about = [_noted(row, results) for row in rows if row.cell.form.scenario == scenario.name]
         found.append(
-            Verified(docket, about, [change for change in changes if change.key[4] == scenario.name], source(results))
+            Verified(
+                docket,
+                scenario,
+                about,
+                [change for change in changes if change.key[4] == scenario.name],
+                source(results),
+            )
         )
     if found:
         found[0].changes.extend(Change(line.key, line.verdict, "", None) for line in kept.values())
@@ -99,7 +109,7 @@ def _noted(row: Row, results: Results) -> Row:
 
 
 def sentences(judged: Iterable[Verified]) -> Iterator[tuple[str, str, str]]:
-    """(paper, reading, what holds in one sentence) over all that was judged of each paper."""
+    """(paper, reading, what holds in one sentence, and its caveat) over all that was judged of each paper."""
     found: dict[str, list[Verified]] = {}
     for each in judged:
         found.setdefault(each.docket.name, []).append(each)
@@ -107,7 +117,13 @@ def sentences(judged: Iterable[Verified]) -> Iterator[tuple[str, str, str]]:
         docket = parts[0].docket
         verdicts = claim_verdicts(docket.paper, [row for part in parts for row in part.rows], docket.outlines)
         for reading in dict.fromkeys(reading for each in verdicts for reading in each.verdicts):
-            yield name, reading, summary(verdicts, reading)
+            yield name, reading, ". ".join([summary(verdicts, reading), *caveats(parts, reading)])
+
+
+def caveats(judged: Iterable[Verified], reading: str) -> list[str]:
+    """What must be said where verdicts are shown under a reading, of every scenario that has it, or of its first."""
+    shown = ((each.scenario, each.docket.outlines[each.scenario.name].shown(reading)) for each in judged)
+    return list(dict.fromkeys(text for scenario, own in shown if (text := scenario.caveat(own))))
 
 
 def current(results: Results) -> Scenario:

@@ -344,6 +344,15 @@ def test_explain_tells_what_was_measured_and_how_to_repeat_it(claiming: Path) ->
     assert "did you mean 'outliers'?" in rkfbench("explain", "outlier").stderr
 
 
+def test_the_caveat_of_a_reading_stands_in_the_ledger_and_in_what_is_told_of_it(claiming: Path) -> None:
+    claiming.write_text(claiming.read_text() + "readings: {default: {caveat: A guess of ours.}}\n")
+    rkfbench("run", claiming)
+    ledger = Path("results/small/claims.md").read_text()
+    assert ledger.startswith("# Claims of small that small decides\n\nA small study\n\nA guess of ours.\n\n|")
+    assert "[default] A guess of ours." in rkfbench("explain", "outliers").stdout
+    assert "[default] A guess of ours." in rkfbench("verify", "results/small").stderr
+
+
 def test_report_is_made_again_from_the_results_to_the_same_bytes(claiming: Path) -> None:
     rkfbench("run", claiming)
     pages = ["results/small/report.html", "results/small/report.md"]

@@ -50,6 +50,11 @@ class ClaimVerdict:
     rows: Mapping[str, tuple[Row, ...]]
     decisive: Mapping[str, Row]
 
+    def under(self, readings: Sequence[str]) -> ClaimVerdict:
+        """The same under these readings alone."""
+        kept = {reading: verdict for reading, verdict in self.verdicts.items() if reading in readings}
+        return replace(self, verdicts=kept)
+
     @property
     def timing(self) -> bool:
         """Whether it is decided by a clock: true of one machine only, and counted apart."""

@@ -108,9 +108,18 @@ def phrase(said: Counter[Any], apart: Counter[Any], timed: Counter[Any]) -> str:
     return "; ".join(parts) or "no claim was decided"
 
 
-def markdown(title: str, verdicts: Iterable[ClaimVerdict]) -> str:
-    """The ledger as a Markdown table: each claim, its verdict under every reading, and the cell that decides."""
-    lines = [f"# {title}", "", "| claim | the paper says | reading | verdict | decided by |", "|---|---|---|---|---|"]
+def markdown(title: str, verdicts: Iterable[ClaimVerdict], about: Iterable[str] = ()) -> str:
+    """The ledger as a Markdown table: each claim, its verdict under every reading, and the cell that decides.
+
+    about: paragraphs beneath the title.
+    """
+    lines = [
+        f"# {title}",
+        "",
+        *(line for each in about if each for line in (each, "")),
+        "| claim | the paper says | reading | verdict | decided by |",
+        "|---|---|---|---|---|",
+    ]
     for each in verdicts:
         says = f"{each.claim.says} ({each.claim.locator})" if each.claim.locator else each.claim.says
         for reading, verdict in each.verdicts.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ from rkfbench.cli.terminal import Terminal
 
 if TYPE_CHECKING:
     from rkfbench.claims.ledger import Row
+    from rkfbench.judge import Verified
 
 Folders = Annotated[list[Path], typer.Argument(help="Results folders.")]
 
@@ -41,6 +43,8 @@ def verify(terminal: Terminal, folders: Folders) -> None:
     else:
         columns = ["claim", "reading", "verdict", "estimate", "lower", "upper", "claimed", "flips at", "estimand"]
         terminal.records([_line(row) for row in rows], columns)
+        for text in _caveats(judged, rows):
+            terminal.note(text)
     if changes:
         told = [f"{' '.join(change.key)}: {change.before or 'new'} -> {change.now or 'gone'}" for change in changes]
         raise Different("\n".join([*told, f"{len(changes)} verdicts differ from claims.csv"]))
@@ -75,6 +79,8 @@ def explain(
         role = "" if row.cell.role == "decides" else "beside: "
         terminal.data(f"\n[{row.cell.reading}] {role}{sentence(row)}")
         terminal.data(f"  interval {_span(row)}, one of {row.family_size} judged together")
+    for text in _caveats(judged, mine):
+        terminal.data(f"\n{text}")
     for source in dict.fromkeys(source for row, source in found if row in mine):
         terminal.data(f"\nrepeat with: {shlex.join(['rkfbench', 'run', source])}")
 
@@ -101,6 +107,15 @@ def report(
                 render(folder, pool)
     for path in write_report(folders, out or folders[0]):
         terminal.data(str(path))
+
+
+def _caveats(judged: Iterable[Verified], rows: Iterable[Row]) -> Iterator[str]:
+    """What must be said of the readings under which these rows are shown."""
+    shown = {(row.cell.form.scenario, row.cell.reading) for row in rows}
+    for scenario in {each.scenario.name: each.scenario for each in judged}.values():
+        for reading, text in scenario.caveats.items():
+            if (scenario.name, reading) in shown:
+                yield f"[{reading}] {text}"
 
 
 def _line(row: Row) -> dict[str, Any]:

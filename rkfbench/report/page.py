@@ -90,6 +90,14 @@ class ScenarioView:
         return shown
 
     @property
+    def title(self) -> str:
+        return self.outcome.scenario.title
+
+    @property
+    def notes(self) -> str:
+        return self.outcome.scenario.notes
+
+    @property
     def facts(self) -> list[tuple[str, str]]:
         """The manifest without its hashes, as plain words."""
         skipped = ("files", "hashes", "title", "argv", "schema")
@@ -140,6 +148,7 @@ class PaperView:
     claims: list[ClaimView]
     scenarios: list[ScenarioView]
     readings: list[str]
+    caveats: dict[str, str]  # reading: what must be said wherever it is shown
 
     @property
     def headline(self) -> list[ClaimView]:
@@ -147,8 +156,15 @@ class PaperView:
 
     @property
     def sentences(self) -> list[tuple[str, str]]:
-        """For each reading one computed sentence."""
-        return [(reading, verdicts.sentence(self.claims, reading)) for reading in self.readings]
+        """For each reading one computed sentence, and its caveat."""
+        told = {reading: verdicts.sentence(self.claims, reading) for reading in self.readings}
+        return [(reading, f"{told[reading]} {self.caveats[reading]}".strip()) for reading in self.readings]
+
+    @property
+    def warnings(self) -> list[tuple[str, str]]:
+        """(readings, caveat) for the headings of the ledger: `reset, keep`; no name where it is about all readings."""
+        said = {text: [each for each in self.readings if self.caveats[each] == text] for text in self.caveats.values()}
+        return [("" if names == self.readings else ", ".join(names), text) for text, names in said.items() if text]
 
     @property
     def counts(self) -> list[tuple[str, int]]:
@@ -206,7 +222,7 @@ def _bears(path: Path, made_from: str) -> bool:
 def views(
     folders: Sequence[str | Path], place: Path, ready: Mapping[str | Path, ScenarioView] = NONE
 ) -> list[PaperView]:
-    """The results folders, grouped by paper, in the order given."""
+    """The results folders, grouped by paper, in the order given; those that decide no claim of it stand last."""
     groups: dict[str, list[ScenarioView]] = {}
     for folder in folders:
         view = ready.get(folder) or ScenarioView.of(folder, place)
@@ -247,8 +263,9 @@ def plain(value: Any) -> str:
 
 
 def _paper_view(key: str, scenarios: list[ScenarioView]) -> PaperView:
+    paper = scenarios[0].outcome.paper
+    scenarios = sorted(scenarios, key=lambda each: bool(paper and each.name not in paper.scenarios))
     outcomes = [each.outcome for each in scenarios]
-    paper = outcomes[0].paper
     first = outcomes[0].scenario
     rows = [row for outcome in outcomes for row in outcome.results.claims]
     of_scenario = {outcome.scenario.name: outcome.material.own_readings for outcome in outcomes}
@@ -259,7 +276,15 @@ def _paper_view(key: str, scenarios: list[ScenarioView]) -> PaperView:
     cite = paper.cite if paper else first.citation.cite if first.citation else ""
     doi = (paper.doi if paper else first.citation.doi if first.citation else None) or ""
     title = (paper.title if paper else first.title) or key
-    return PaperView(key, title, cite, doi, claims, scenarios, readings)
+    caveats = {reading: " ".join(_caveats(outcomes, reading)) for reading in readings}
+    return PaperView(key, title, cite, doi, claims, scenarios, readings, caveats)
+
+
+def _caveats(outcomes: Sequence[Outcome], reading: str) -> list[str]:
+    """What must be said of the scenarios whose results one sees under a reading: their own, or their first one."""
+    shown = [(each.scenario, each.material.own_readings) for each in outcomes]
+    said = [scenario.caveat(reading if reading in own else own[0]) for scenario, own in shown if own]
+    return distinct(filter(None, said))
 
 
 def _overrides(section: Any) -> list[tuple[str, list[tuple[str, str]]]]:

@@ -96,7 +96,7 @@ class Outcome:
             frozenset(cell.case for cell in cells if cell.extra),
             tuple(distinct(cell.reading for cell in cells)),
             self.paper.tables if self.paper else {},
-            Words(self.scenario.names),
+            Words(self.scenario.names, self.scenario.caveats),
         )
 
     def tables(self) -> Iterator[tuple[Table, list[entries.Entry], list[tables.Sheet]]]:
@@ -130,7 +130,7 @@ class Outcome:
             says = [*(self.paper.claims if self.paper else []), *self.scenario.claims]
             holds = {identity: claim.holds for identity in claims if (claim := claim_of(identity, says))}
             lines = forest.lines(self.results.claims, claims, [reading], holds)
-            said = [figure.title, figure.caption, FOREST_CAPTION]
+            said = [figure.title, figure.caption, FOREST_CAPTION, self.scenario.caveat(reading)]
             sentences = " ".join(f"{part.rstrip('.')}." for part in said if part)
             return Picture(figure, reading, sentences, [], lines, looks)
         words = self.material.words

@@ -40,9 +40,20 @@ class ClaimView:
     holds: Holds = "all"
 
     @property
+    def seen(self) -> list[tuple[str, list[Row], list[Row]]]:
+        """(readings, deciding cells, cells beside); readings that see the same cells are one: `literal, conjecture`."""
+        groups: dict[tuple[int, ...], list[str]] = {}
+        for reading, cells in self.cells.items():
+            groups.setdefault(tuple(map(id, (*cells, *self.beside[reading]))), []).append(reading)
+        return [(", ".join(names), self.cells[names[0]], self.beside[names[0]]) for names in groups.values()]
+
+    @property
     def lines(self) -> list[forest.Line]:
-        """The deciding cell under each reading, placed for the forest plot."""
-        return [forest.line(forest.deciding(cells, self.holds), len(cells)) for cells in self.cells.values()]
+        """The deciding cell under each reading of the paper, placed for the forest plot."""
+        return [
+            replace(forest.line(forest.deciding(cells, self.holds), len(cells)), reading=readings)
+            for readings, cells, _ in self.seen
+        ]
 
 
 def claim_views(

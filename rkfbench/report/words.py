@@ -1,4 +1,7 @@
-"""What a reader sees in the place of labels: of cases, metrics and filters; the scenario's own `names` come first."""
+"""What a reader sees in the place of labels: of cases, metrics, filters and readings.
+
+The scenario's own `names` come first.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +32,13 @@ _METRIC = re.compile(r"(?P<base>\w+)(?:\((?P<params>[^()]*)\))?(?:\[(?P<states>[
 
 @dataclass(frozen=True)
 class Words:
-    """Names for readers; `given` maps labels of cases, sweep columns and their points, filters and metrics."""
+    """Names for readers; `given` maps labels of cases, sweep columns and their points, filters and metrics.
+
+    caveats: reading -> what must be said wherever it is shown.
+    """
 
     given: Mapping[str, str] = field(default_factory=dict)
+    caveats: Mapping[str, str] = field(default_factory=dict)
 
     def case(self, label: str) -> str:
         """`R2,rate=0.2` -> `R2, rate = 0.2`, with the names that are given for the whole or its parts."""
@@ -54,6 +61,11 @@ class Words:
             return re.sub("|".join(map(re.escape, longest_first)), lambda match: self.metric(match[0]), name)
         bare, _, step = name.partition("@")
         return self.given.get(name) or (self.given.get(bare) or _quantity(bare)) + _at(step)
+
+    def reading(self, name: str) -> str:
+        """A reading, or a switch that starts from it, with its caveat: two sentences, either of which may be empty."""
+        called = f"Reading {name}." if name not in ("", "default") else ""
+        return " ".join(filter(None, (called, self.caveats.get(name.partition("+")[0], ""))))
 
     def _part(self, part: str) -> str:
         column, equals, value = part.partition("=")

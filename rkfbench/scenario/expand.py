@@ -18,6 +18,7 @@ from rkfbench.scenario.override import graft
 from rkfbench.scenario.schema import fault_of
 from rkfbench.scenario.yaml import Map, Mark, Seq
 
+NO_OVERRIDES = {"cases": "extra", "readings": "caveat"}  # what else may stand beside them
 MOST_POINTS = 1000  # of one sweep
 MOST_CELLS = 2_000
 RESERVED = frozenset(
@@ -62,7 +63,7 @@ def drafts(document: Map, sections: Set[str], faults: list[tuple[SpecError, Path
 
     def overridden(spec: Map, overrides: Map, *place: str) -> Map:
         for path, value in overrides.items():
-            if place[0] == "cases" and path == "extra":
+            if path == NO_OVERRIDES.get(place[0]):
                 continue
             try:
                 if path.split(".")[0] not in sections:

@@ -76,6 +76,7 @@ def load(
         citation=file.paper if isinstance(file.paper, Citation) else None,
         notes=file.notes,
         names=file.names,
+        caveats={name: reading.caveat for name, reading in file.readings.items() if reading.caveat},
         seed=file.seed,
         runs=file.runs.paper,
         paper_runs=file.runs.paper,

@@ -33,6 +33,7 @@ class Scenario:
     citation: Citation | None  # what the scenario itself says of its source
     notes: str
     names: dict[str, str]  # what readers see in the place of labels
+    caveats: dict[str, str]  # reading: what must be said wherever it is shown
     seed: int
     runs: int  # in force: those of the paper, if nothing else is wanted
     paper_runs: int
@@ -47,3 +48,7 @@ class Scenario:
     claims: tuple[Claim, ...]
     resolved: dict[str, Any]  # the file with options and defaults written out: can be stored and run again
     copies: dict[str, bytes] = field(default_factory=dict)  # the files of its plug-ins as they were read, by path
+
+    def caveat(self, reading: str) -> str:
+        """What must be said of a reading, or of a switch that starts from it; empty where there is nothing."""
+        return self.caveats.get(reading.partition("+")[0], "")

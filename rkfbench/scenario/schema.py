@@ -8,7 +8,7 @@ plain data and `check.py` asks the catalogue; `json_schema.py` writes the catalo
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag
 
 from rkfbench.scenario.claims import Claim
 from rkfbench.scenario.display import Figure, Strict, Table
@@ -123,6 +123,16 @@ class PointOfTime(Strict):
     lag: int = Field(ge=0, description="measurements after j that smoothers use")
 
 
+class Reading(Strict):
+    """A way to read the paper: `dotted path: value` as in all overrides, and what must be said of it."""
+
+    model_config = ConfigDict(extra="allow")
+
+    caveat: Text | None = Field(
+        default=None, description="what is said wherever the reading is shown: captions, tables, ledger, report"
+    )
+
+
 class Runs(Strict):
     """Numbers of Monte Carlo runs."""
 
@@ -224,8 +234,10 @@ class ScenarioFile(Experiment):
     plugins: Text | None = Field(
         default=None, description="folder of own filters, models ... that are files; default: that of this file"
     )
-    readings: dict[Annotated[str, AfterValidator(_reading)], Overrides] = Field(
-        default={}, description="ways to read the paper; the first is the headline"
+    readings: dict[Annotated[str, AfterValidator(_reading)], Reading] = Field(
+        default={},
+        description="ways to read the paper, dotted path: value; the first is the headline. `caveat: text` is said "
+        "wherever a reading is shown; a scenario without readings has one that is called `default`",
     )
     sensitivity: dict[Named, Overrides] = Field(default={}, description="switches changed one at a time")
     cases: dict[Annotated[str, Field(pattern="^[^,=]+$"), AfterValidator(_named)], Overrides] = Field(

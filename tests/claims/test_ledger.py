@@ -273,6 +273,11 @@ def test_a_stored_win_probability_is_judged_as_one() -> None:
     assert records.record(again[0]) == record(first[0])
 
 
+def test_what_must_be_said_stands_below_the_title_of_the_ledger() -> None:
+    lines = markdown("Ledger", [], ("What it is.", "", "A guess.")).splitlines()
+    assert lines[:5] == ["# Ledger", "", "What it is.", "", "A guess."]
+
+
 def test_the_markdown_ledger_has_a_row_for_each_claim_and_reading_and_no_broken_cell() -> None:
     found = verdicts().values()
     lines = markdown("Ledger", found).splitlines()

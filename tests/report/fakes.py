@@ -24,6 +24,7 @@ RUNS, STEPS = 60, 40
 SCENARIO = """\
 name: fake
 title: A study with made-up numbers
+notes: What <one> must know of it.
 paper: {cite: "A. Author & B. Author, Journal of <Examples> 1(1), 2020", doi: 10.0000/example}
 seed: 5
 runs: {paper: 60, reference: 60}
@@ -37,7 +38,7 @@ measurement_noise:
   body: {kind: gaussian, cov: 1}
   outliers: {kind: laplace, cov: {times: 100, of: body}}
 assumed: {mean: [0, 0, 0, 0], cov: 1, measurement_cov: body}
-readings: {literal: {}, root: {process_noise.cov: 4}}
+readings: {literal: {}, root: {process_noise.cov: 4, caveat: A guess of ours.}}
 sweep: {measurement_noise.rate: [0.05, 0.2, 0.3, 0.4]}
 filters: [clairvoyant_kf, kf, hkf, aladkf, {use: hkf, threshold: [0.5, 3], extra: true}]
 metrics: [err_norm, cond_S, err_norm@k, rmse@k]

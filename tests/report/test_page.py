@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rkfbench.errors import UsageError
+from rkfbench.report import verdicts
 from rkfbench.report.page import write_report
 from rkfbench.report.render import render
 from rkfbench.store import Results, manifest
@@ -108,6 +109,33 @@ def test_every_picture_says_what_it_shows(page: Page) -> None:
 def test_the_first_screen_counts_the_verdicts_of_each_reading(page: Page) -> None:
     text = " ".join(page.text.split())
     assert "literal: Of 2 reconstructed or our own, 1 reproduced. root: Of 2" in text
+
+
+def test_a_caveat_stands_wherever_its_reading_is_shown(written: Path, page: Page) -> None:
+    sheets = (written / "report.md").read_text(encoding="utf-8")
+    table = next(line for line in sheets.splitlines() if line.startswith("| A study"))
+    assert table.count("A guess of ours.") == 1
+    assert table.index("*root*") < table.index("A guess of ours.")
+    for heading in ("### Headline claims", "### Full ledger"):
+        assert f"{heading}\n\n*root*: A guess of ours.\n\n|" in sheets
+    shown = [line for line in sheets.splitlines() if "Reading root." in line]
+    assert len(shown) == 3  # a table, and a figure's image and caption
+    assert all("Reading root. A guess of ours." in line for line in shown)
+    assert "A guess of ours." in (written / "fake" / "tables" / "table1.tex").read_text(encoding="utf-8")
+    assert page.text.count("A guess of ours.") >= 5
+
+
+def test_notes_stand_below_the_name_of_the_scenario(written: Path) -> None:
+    assert "### fake\n\nWhat <one> must know of it.\n" in (written / "report.md").read_text(encoding="utf-8")
+    assert "What &lt;one&gt; must know of it." in (written / "report.html").read_text(encoding="utf-8")
+
+
+def test_readings_that_see_the_same_cells_share_a_line() -> None:
+    row, other = fakes.claim_row(), fakes.claim_row(reading="root")
+    view = verdicts.claim_views([row], ["literal", "root"], {"fake": ["literal"]}, None, [])[0]
+    assert [line.reading for line in view.lines] == ["literal, root"]
+    view = verdicts.claim_views([row, other], ["literal", "root"], {"fake": ["literal", "root"]}, None, [])[0]
+    assert [line.reading for line in view.lines] == ["literal", "root"]
 
 
 def test_the_ledger_holds_every_cell_with_its_flip_margin_and_what_stands_beside(page: Page) -> None:

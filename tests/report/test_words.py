@@ -26,6 +26,13 @@ def test_a_metric_is_called_what_it_is(metric: str, shown: str) -> None:
     assert Words().metric(metric) == shown
 
 
+def test_a_reading_is_named_with_its_caveat() -> None:
+    words = Words(caveats={"guess": "Nobody knows.", "default": "A reconstruction."})
+    told = [words.reading(name) for name in ("literal", "guess", "guess+switch", "default", "")]
+    expected = ["Reading literal.", "Reading guess. Nobody knows.", "Reading guess+switch. Nobody knows."]
+    assert told == [*expected, "A reconstruction.", ""]
+
+
 def test_without_names_a_case_is_its_label_with_room_to_breathe() -> None:
     assert Words().case("R2,rate=0.2") == "R2, rate = 0.2"
 

@@ -200,3 +200,16 @@ def test_a_name_for_what_is_not_there_is_an_error(change, problems) -> None:
 def test_a_model_with_a_known_input_that_is_no_mapping_is_told(problems, model) -> None:
     texts = {"model: {kind: navigation, observed: [px, py]}": f"model: {model}\ninput: {{value: 1}}"}
     assert any(each.startswith("a.yaml:5:") and ": model: " in each for each in problems(texts))
+
+
+def test_the_caveat_of_a_reading_is_no_override(change) -> None:
+    scenario = change({"  plain: {}": "  plain: {caveat: A guess.}"})
+    assert scenario.caveats == {"plain": "A guess."}
+    assert [scenario.caveat(name) for name in ("plain", "plain+wide start", "coins")] == ["A guess.", "A guess.", ""]
+    assert [cell.spec for cell in scenario.cells] == [cell.spec for cell in change().cells]
+    assert scenario.resolved["readings"]["plain"] == {"caveat": "A guess."}
+
+
+def test_a_caveat_is_a_text(problems) -> None:
+    (told,) = problems({"  plain: {}": "  plain: {caveat: 3}"})
+    assert "readings.plain.caveat" in told
