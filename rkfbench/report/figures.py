@@ -154,8 +154,8 @@ def _logarithmic(axis: Axis, values: Sequence[float]) -> bool:
 
 
 def _title(grid: Grid, panel: Key, top: bool) -> str:
-    """Above a panel: its column. In a matrix only the top row needs it."""
-    matrix = grid.row_of and grid.column_of
+    """Above a panel: its column. In a matrix only the top row needs it, but in a wrapped line of panels every one."""
+    matrix = grid.row_of and grid.column_of and not grid.wrapped
     return grid.name(1, panel) if top or not matrix else ""
 
 

@@ -159,6 +159,13 @@ def test_the_caption_says_what_over_how_many_runs_and_where(material: Material) 
     )
 
 
+def test_every_panel_of_a_wrapped_line_says_whose_it_is(material: Material) -> None:
+    four = ["clairvoyant_kf", "kf", "hkf", "aladkf"]
+    figure = declared(kind="panels", metric="err_norm@k", cases=["rate=0.4"], filters=four)
+    sheet = drawn(figure, points(figure, material, "literal"))
+    assert [ax.get_title(loc="left") for ax in sheet.axes] == ["clairvoyant KF", "KF", "HKF", "ALADKF"]
+
+
 def test_a_curve_of_root_mean_squares_is_not_called_a_mean(material: Material) -> None:
     figure = declared(kind="curve", metric="rmse@k", cases=["rate=0.4"])
     text = caption(figure, points(figure, material, "literal"))
