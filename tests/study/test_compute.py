@@ -17,7 +17,10 @@ SPEC = {
     **SPECS["navigation"],
     "steps": 40,
     "filters": [{"label": label, "use": label} for label in LABELS],
-    "metrics": ["rmse", "cond_S", "cond_S_top_lambda", "cond_ratio_top_psi", "lambda_mean", "err_norm@k", "if_norm"],
+    "metrics": [
+        *("rmse", "cond_S", "cond_S_top_lambda", "cond_ratio_top_psi", "lambda_mean", "err_norm@k"),
+        *("if_norm", "if_norm[px,py]", "if_norm(about=own)", "if_norm(xi=literal)", "gradient_rest"),
+    ],
     "lost": {"states": ["px"], "limit": 8.0, "after": 20},
 }
 
