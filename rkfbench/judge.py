@@ -24,7 +24,7 @@ from rkfbench.scenario.files import papers
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.store import Results, files, manifest
 
-CLAIMS = "claims.csv"
+CLAIMS, PAGE = "claims.csv", "claims.md"
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ def write_claims(scenario: Scenario, folder: Path) -> list[Row]:
         said = (f"*{reading}*: {text}" if len(own) > 1 else text for reading, text in scenario.caveats.items())
         pages.append(markdown(title, verdicts, (scenario.title, scenario.notes, *said)))
     files.write_records(folder / CLAIMS, COLUMNS, map(record, rows))
-    files.write(folder / "claims.md", "\n".join(pages))
-    manifest.seal(folder)
+    files.write(folder / PAGE, "\n".join(pages))
+    manifest.seal(folder, CLAIMS, PAGE)
     return rows
 
 

@@ -31,7 +31,7 @@ def results(folder: Path, filters: Mapping[str, np.ndarray], seed: int = 7, per_
     if per_run:
         lines = [["a", "", run, label, 0, 0, values[run]] for run in range(RUNS) for label, values in filters.items()]
         files.write_csv(folder / "runs.csv", ["reading", "case", "run", "filter", "failed", "lost", "rmse"], lines)
-    manifest.seal(folder, scenario="toy", seed=seed, runs=RUNS)
+    manifest.seal(folder, *manifest.TOP, scenario="toy", seed=seed, runs=RUNS)
     return Results.open(folder)
 
 
@@ -85,7 +85,7 @@ def tracking(folder: Path, runs: int, tracked: int, seed: int) -> Results:
     lost = {"lost": runs - tracked}
     statistics = summarise(np.random.default_rng(seed).standard_normal(tracked), np.zeros(tracked, bool))
     files.write_records(folder / "summary.csv", list(row | lost | statistics), [row | lost | statistics])
-    manifest.seal(folder, scenario="toy", seed=seed, runs=runs)
+    manifest.seal(folder, *manifest.TOP, scenario="toy", seed=seed, runs=runs)
     return Results.open(folder)
 
 

@@ -15,7 +15,7 @@ from rkfbench.cli.commands import app
 from rkfbench.errors import InputChanged, ScenarioError, SpecError, UsageError
 from rkfbench.experiment import Experiment
 from rkfbench.scenario import load
-from rkfbench.store import Results
+from rkfbench.store import Results, files
 from rkfbench.streams import Streams
 from rkfbench.study import engines, plan
 from rkfbench.study.jobs import Job
@@ -354,6 +354,20 @@ def test_a_results_folder_stands_alone(drive: Path) -> None:
     assert rkfbench("report", "results/drive").exit_code == 0
     again = rkfbench("run", "results/drive/scenario.yaml")
     assert "nothing to compute, results/drive is up to date" in again.stderr
+
+
+def test_data_edited_in_a_results_folder_is_computed_and_kept(drive: Path) -> None:
+    assert rkfbench("run", drive, "-q").exit_code == 0
+    data = Path("results/drive/data/drive.csv")
+    data.write_text(edited := data.read_text().replace("2.5,3,4", "2.5,3,7"))
+    result = rkfbench("run", "results/drive/scenario.yaml")
+    assert result.exit_code == 0
+    assert "recomputing the only case (default): recorded data changed" in result.stderr
+    assert "making again" not in result.stderr
+    assert data.read_text() == edited
+    assert Results.open("results/drive").manifest["files"]["data/drive.csv"] == files.sha256(data)
+    assert rkfbench("run", drive).exit_code == 0  # from the file itself the copy is made again
+    assert data.read_text() == Path("drive.csv").read_text()
 
 
 def test_cases_may_be_recordings(drive: Path) -> None:

@@ -37,7 +37,7 @@ def folder(path: Path) -> Path:
     )
     files.write_csv(path / "checks.csv", ["id", "deviation", "tolerance"], [["aladkf.T1", 1e-12, 1e-9]])
     files.write_csv(path / "timings/table.csv", ["case", "filter", "ms"], [["5", "kf", 14.2]])
-    manifest.seal(path, scenario="toy", seed=7, runs=3)
+    manifest.seal(path, *manifest.TOP, "timings/table.csv", scenario="toy", seed=7, runs=3)
     return path
 
 
@@ -200,7 +200,7 @@ def test_sealing_again_changes_the_manifest_only_with_a_file(tmp_path: Path) -> 
     assert not manifest.seal(path, finished="later")
     assert (path / "manifest.json").read_bytes() == before
     files.write(path / "claims.csv", "claim\nC1\n")
-    assert manifest.seal(path)
+    assert manifest.seal(path, "claims.csv")
     content = json.loads((path / "manifest.json").read_text())
     assert "claims.csv" in content["files"]
     assert content["seed"] == 7

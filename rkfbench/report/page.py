@@ -201,8 +201,8 @@ def write_report(
     for path in paths:
         text = page.get_template(f"{path.name}.j2").render(papers=papers, embedded=embedded).strip() + "\n"
         files.write(path, text + (_stamp(text, made_from) if made_from else ""))
-    if (place / manifest.NAME).exists():
-        manifest.seal(place)
+    if manifest.is_sealed(place):
+        manifest.seal(place, *NAMES)
     return paths
 
 

@@ -159,7 +159,8 @@ def render(folder: str | Path, pool: Pool | None = None) -> list[Path]:
     """Write tables/ and figures/ of a results folder and seal it; returns the files, in the order of the scenario."""
     outcome = Outcome.open(folder)
     written = [*_write_tables(outcome), *_write_figures(outcome, pool or Pool(1))]
-    manifest.seal(outcome.results.folder)
+    place = outcome.results.folder
+    manifest.seal(place, *(path.relative_to(place).as_posix() for path in written))
     return written
 
 

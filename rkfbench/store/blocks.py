@@ -115,6 +115,15 @@ def keys(path: Path) -> dict[str, Key]:
     return {label: part["key"] for label, part in header["parts"].items()}
 
 
+def digest(path: Path) -> str:
+    """The hash of all that a block file holds, as it says itself; "" when there is no file."""
+    try:
+        with path.open("rb") as file:
+            return file.readline().decode(errors="replace").strip()
+    except FileNotFoundError:
+        return ""
+
+
 def read(path: Path, labels: set[str] | None = None) -> dict[str, Part]:
     """The parts of a block file, all or those of some labels; Damaged when it does not read back."""
     header, payload = _open(path)

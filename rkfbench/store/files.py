@@ -113,7 +113,9 @@ def sha256(path: Path) -> str:
 
 def remove_leftovers(folder: Path) -> None:
     """Remove the temporary files of a process that was killed while it wrote (call with the folder locked)."""
-    for temporary in folder.rglob(TEMPORARY.format(name="*", pid="*")):
+    name = TEMPORARY.format(name="*", pid="[0-9]*")
+    links = [path for path in folder.iterdir() if path.is_symlink() and path.is_dir()]  # which rglob does not follow
+    for temporary in [*folder.rglob(name), *(path for link in links for path in link.glob(name))]:
         temporary.unlink(missing_ok=True)
 
 

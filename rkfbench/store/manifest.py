@@ -1,7 +1,8 @@
 """The manifest of a results folder: what made it, and the hash of each of its files.
 
-A folder is sealed when its manifest lists every file with its SHA-256, and holds its own. Sealing again without a
-change of any file leaves the manifest as it is, so that its times say when the numbers were made.
+A folder is sealed when its manifest lists every file that rkfbench wrote with its SHA-256, and holds its own. Sealing
+again without a change of any file leaves the manifest as it is, so that its times say when the numbers were made. What
+somebody else has put into the folder is never listed, and so never judged, made again or removed.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ import hashlib
 import json
 import os
 import platform
+import re
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -26,14 +28,23 @@ OWN = "sha256"  # the entry with the manifest's own hash
 BLOCKS = "blocks"
 TUNING = "tuning"  # a results folder of its own inside another one
 
+# All that rkfbench writes into a results folder, beside its manifest, blocks and tuning runs.
+TOP = (
+    *("scenario.yaml", "filters.csv", "summary.csv", "series.csv", "runs.csv", "checks.csv"),
+    *("claims.csv", "claims.md", "report.md", "report.html"),
+)
+FOLDERS = ("data", "figures", "plugins", "tables", "timings")
 
-def seal(folder: Path, **facts: Any) -> bool:
+
+def seal(folder: Path, *written: str, **facts: Any) -> bool:
     """Write the manifest with `facts` (kept from before where not given); False when no file had changed.
 
-    `hashes` among the facts, of what parts of the folder were made from, are added to those that are there.
+    It lists the files `written` since, and those that it listed before and that are still there. `hashes` among the
+    facts, of what parts of the folder were made from, are added to those that are there.
     """
     old = _readable(folder)
-    listed = {name: files.sha256(folder / name) for name in _names(folder)}
+    names = sorted({*_listed(old), *written})
+    listed = {name: files.sha256(folder / name) for name in names if (folder / name).is_file()}
     hashes = {**old.get("hashes", {}), **facts.get("hashes", {})}
     if (old.get("files"), old.get("hashes", {})) == (listed, hashes):
         return False
@@ -94,6 +105,35 @@ def spoiled(folder: Path) -> list[str]:
     return [name for name, digest in _data(content).items() if _differs(folder / name, digest)]
 
 
+def listed(folder: Path) -> list[str]:
+    """The files of a folder that rkfbench wrote; [] where no manifest says so."""
+    return list(_listed(_readable(folder)))
+
+
+def digest(folder: Path) -> str:
+    """A hash of the manifest of a folder, and so of all that it lists; "" where there is none."""
+    path = folder / NAME
+    return files.sha256(path) if path.exists() else ""
+
+
+def scenario(folder: Path) -> str | None:
+    """The scenario that the manifest names, also one that is damaged or of another schema; None where it has not our
+    form.
+    """
+    if name := _readable(folder).get("scenario"):
+        return str(name)
+    try:
+        head = _HEAD.match((folder / NAME).read_text(encoding="utf-8", errors="replace"))
+    except OSError:
+        return None
+    return head["scenario"] if head else None
+
+
+def is_sealed(folder: Path) -> bool:
+    """Whether it is a results folder with a manifest that can be used."""
+    return bool(_readable(folder))
+
+
 def made_from(folder: Path, part: str, digest: str, *names: str) -> bool:
     """Whether the folder holds the files `names` undamaged, and their part of it was made from what has `digest`."""
     content = _readable(folder)
@@ -128,18 +168,18 @@ def _readable(folder: Path) -> dict[str, Any]:
 _REPAIR = "make the folder again with rkfbench run (--fresh computes everything anew)"
 
 
-def _names(folder: Path) -> Iterator[str]:
-    """Every file of a results folder but its manifest, blocks, tuning runs and what is hidden, in a stable order."""
-    for path in sorted(folder.rglob("*")):
-        relative = path.relative_to(folder)
-        hidden = any(part.startswith(".") for part in relative.parts)
-        if path.is_file() and not hidden and relative.parts[0] not in (NAME, BLOCKS, TUNING):
-            yield relative.as_posix()
+_HEAD = re.compile(r'\{\s*"schema": \d+,\s*"scenario": "(?P<scenario>[^"]*)"')  # how every manifest begins
+
+
+def _listed(content: Mapping[str, Any]) -> dict[str, str]:
+    """The hashes of the files that are ours: manifests of old list what else was there, too."""
+    known = content.get("files", {})
+    return {name: digest for name, digest in known.items() if name in TOP or name.split("/")[0] in FOLDERS}
 
 
 def _data(content: Mapping[str, Any]) -> dict[str, str]:
     """The hashes of the files with numbers, and of the scenario."""
-    return {name: digest for name, digest in content["files"].items() if name.endswith((".csv", ".yaml"))}
+    return {name: digest for name, digest in _listed(content).items() if name.endswith((".csv", ".yaml"))}
 
 
 def _differs(path: Path, digest: str) -> bool:

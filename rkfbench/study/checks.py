@@ -26,7 +26,7 @@ def update(paper: str, ids: Collection[str], folder: Path, *, fresh: bool = Fals
         COLUMNS,
         [[id, float(each.deviation), float(each.tolerance), each.note] for id, each in outcomes],
     )
-    manifest.seal(folder, hashes={"checks": made_from})
+    manifest.seal(folder, NAME, hashes={"checks": made_from})
 
 
 def _code_of_checks() -> str:

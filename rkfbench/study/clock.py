@@ -69,7 +69,7 @@ def write(times: Times, folder: Path) -> None:
     files.write_csv(folder / FILES[0], [*IDENTITY, "repeat", "value"], repeats)
     rows = (dict(zip(IDENTITY, key, strict=True)) | _statistics(found) for key, found in times.values.items())
     files.write_records(folder / FILES[1], [*IDENTITY, *STATISTICS], rows)
-    manifest.seal(folder, hashes={"times": times.made_from})
+    manifest.seal(folder, *FILES, hashes={"times": times.made_from})
 
 
 def wanted(scenario: Scenario, estimands: Iterable[Estimand]) -> Wanted:

@@ -27,6 +27,8 @@ from rkfbench.study.summary import along, summarise
 if TYPE_CHECKING:
     from rkfbench.scenario import Cell, Scenario
 
+COPIES = (attached.COPIES, own.COPIES)  # folders of what a study was made from
+TABLES = ("scenario.yaml", "filters.csv", "summary.csv", "series.csv", "runs.csv")
 STATISTICS = ("mean", "se", "sd", "median", "q05", "q95", "max")
 CURVE_STATISTICS = frozenset({"mean", "median", "first"})
 MOST_STEPS, STRETCHES = 600, 200
@@ -51,26 +53,27 @@ class Held:
     """What a study was made from: the scenario, and by path in the results folder the data and plug-ins beside it."""
 
     scenario: str
-    copies: Mapping[str, Mapping[str, bytes]]  # folder -> path in it -> content
+    copies: Mapping[str, bytes]
 
     @classmethod
     def of(cls, scenario: Scenario) -> Held:
         """InputChanged where a file of data is not there as it was read."""
         resolved, named = attached.carried(scenario.resolved)
         read = attached.hashes([*scenario.cells, *scenario.sensitivity])
-        data = {name: sheet.content(path, read.get(path, "")) for name, path in named.items()}
-        return cls(dump(resolved), {attached.COPIES: data, own.COPIES: scenario.copies})
+        data = {f"{attached.COPIES}/{name}": sheet.content(path, read.get(path, "")) for name, path in named.items()}
+        return cls(dump(resolved), data | {f"{own.COPIES}/{name}": each for name, each in scenario.copies.items()})
 
-    def write(self, folder: Path) -> None:
-        """Write it into the results folder, so that the stored scenario can be run again."""
+    def write(self, folder: Path) -> list[str]:
+        """Write it into the results folder, so that the stored scenario can be run again; the names of its copies."""
         files.write(folder / "scenario.yaml", self.scenario)
-        for name, contents in self.copies.items():
-            _write_copies(folder / name, contents)
+        for name, content in self.copies.items():
+            files.write(folder / name, content)
+        return [*self.copies]
 
 
-def write(folder: Path, held: Held, scenario: Scenario, finished: Sequence[Finished]) -> None:
-    """Write scenario.yaml with its copies, filters.csv, summary.csv, series.csv and runs.csv."""
-    held.write(folder)
+def write(folder: Path, held: Held, scenario: Scenario, finished: Sequence[Finished]) -> list[str]:
+    """Write scenario.yaml with its copies, filters.csv, summary.csv, series.csv and runs.csv; the names of all."""
+    copies = held.write(folder)
     _write_filters(folder / "filters.csv", finished)
 
     finished = [each for each in finished if each.labels]  # there is no block where every filter raised
@@ -84,16 +87,7 @@ def write(folder: Path, held: Held, scenario: Scenario, finished: Sequence[Finis
     )
     names = list(dict.fromkeys(row["metric"] for row in summary))
     files.write_csv(folder / "runs.csv", [*KEYS, *names], _runs(finished, names))
-
-
-def _write_copies(folder: Path, copies: Mapping[str, bytes]) -> None:
-    """Copies of files; those of an earlier run go away."""
-    for path in [each for each in folder.rglob("*") if each.is_file()]:
-        if path.relative_to(folder).as_posix() not in copies:
-            with files.writing(path):
-                path.unlink()
-    for name, content in copies.items():
-        files.write(folder / name, content)
+    return [*TABLES, *copies]
 
 
 def _summary(

@@ -15,8 +15,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rkfbench.errors import RkfbenchError, UsageError
-from rkfbench.store import files, manifest
+from rkfbench.store import blocks, manifest, place
 from rkfbench.store.lock import locked, shared
 from rkfbench.study import plan
 from rkfbench.study.engines import Engine, serial
@@ -108,17 +107,16 @@ def compute(
     """The same in a folder that is `reserved`, but for the tables."""
     begin, started = time.perf_counter(), _now()
     if fresh:
-        _remove(folder / manifest.BLOCKS)
+        place.remove_blocks(folder)
     settled = None
     if goal is None:
         units, computed, failures = _bring(scenario, folder, full, engine, report)
     else:
         scenario, settled, units, computed, failures = _until_precise(scenario, folder, full, engine, report, goal)
     seconds = time.perf_counter() - begin
-    if spoiled := manifest.spoiled(folder):
+    if spoiled := [name for name in manifest.spoiled(folder) if not _is_read(scenario, folder / name)]:
         report(Spoiled(tuple(spoiled)))
-        for name in spoiled:  # made again: the tables below, the others by those who make them
-            _remove(folder / name)
+        place.remove(folder, spoiled)  # made again: the tables below, the others by those who make them
     times = {"started": started, "seconds": round(seconds, 3)}
     more = {**(facts or {}), **times, "precision": settled and settled.facts()}
     return Computed(scenario, folder, units, computed, failures, seconds, full, more)
@@ -134,13 +132,13 @@ def compute_shard(
     report: Report = lambda event: None,
 ) -> Outcome:
     """Compute the blocks of one shard, beside others that do the same with theirs; no table is written."""
-    _refuse_foreign(folder, scenario.name)
+    place.refuse_foreign(folder, scenario.name)
     with shared(folder):
         begin = time.perf_counter()
         units = list(plan.units(scenario, folder, full))
         its_own = [unit for i, unit in enumerate(units) if shard.has(i)]
         computed, failures = compute_missing(its_own, scenario, engine, _but_cases(report))
-        left = sum(not unit.path.exists() for unit in units)
+        left = sum(bool(plan.look_up(unit).missing) for unit in units)
         seconds = time.perf_counter() - begin
     return Outcome(folder, computed, len(its_own) - computed, False, failures, seconds, scenario.runs, left)
 
@@ -153,7 +151,7 @@ def _but_cases(report: Report) -> Report:
 @contextmanager
 def reserved(folder: Path, name: str) -> Iterator[None]:
     """Hold `folder` for a run of the scenario `name`; UsageError when another run has it, or it is something else."""
-    _refuse_foreign(folder, name)
+    place.refuse_foreign(folder, name)
     with locked(folder):
         yield
 
@@ -208,16 +206,18 @@ def _write_tables(
         if labels:
             finished.append(outputs.Finished(cell, of_cell, labels))
     parts = [[unit.keys[label] for label in unit.labels] for unit in units]
-    made_from = [scenario.resolved, parts, sorted(missing), facts["precision"]]
+    stored = [blocks.digest(unit.path) for unit in units]  # the same key may have given other numbers
+    made_from = [scenario.resolved, parts, stored, sorted(missing), facts["precision"]]
     hashes = {"plan": plan.digest(made_from), "code": plan.code_hash()}
     if _up_to_date(folder, hashes):
         return False
-    held = outputs.Held.of(scenario)  # before anything goes away
-    for name in DERIVED:  # they speak of the old numbers
-        _remove(folder / name)
-    outputs.write(folder, held, scenario, finished)
+    held, before = outputs.Held.of(scenario), manifest.listed(folder)  # before anything goes away
+    place.remove(folder, [name for name in before if name.split("/")[0] in DERIVED])  # they speak of the old numbers
+    written = outputs.write(folder, held, scenario, finished)
+    place.remove(folder, [name for name in before if name.split("/")[0] in outputs.COPIES and name not in written])
     return manifest.seal(
         folder,
+        *written,
         scenario=scenario.name,
         title=scenario.title,
         paper=scenario.paper,
@@ -237,33 +237,12 @@ def _up_to_date(folder: Path, hashes: Mapping[str, str]) -> bool:
     return not manifest.spoiled(folder) and all(manifest.made_from(folder, *each) for each in hashes.items())
 
 
-def _refuse_foreign(folder: Path, name: str) -> None:
-    """Results go into a new or empty folder, or over results of the same scenario: never over anything else."""
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise UsageError(f"{folder} is a file: choose another folder with --out")
-    with files.writing(folder):
-        entries = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
-    if manifest.NAME in entries:
-        try:
-            other = manifest.read(folder)["scenario"]
-        except (RkfbenchError, KeyError):
-            return  # a results folder that is damaged, or of another schema: made again
-        if other != name:
-            raise UsageError(f"{folder} holds the results of '{other}': choose another folder with --out")
-    elif entries and manifest.BLOCKS not in entries:  # with blocks alone it is a run that was cut short
-        raise UsageError(f"{folder} holds other files: choose an empty folder, or a new one, with --out")
+def _is_read(scenario: Scenario, path: Path) -> bool:
+    """Whether the scenario was read from this file or reads it: it may be the one that the folder itself keeps."""
+    from rkfbench.scenario import attached
 
-
-def _remove(path: Path) -> None:
-    with files.writing(path):
-        if path.is_dir() and not path.is_symlink():
-            for inner in path.iterdir():
-                _remove(inner)
-            path.rmdir()
-        else:
-            path.unlink(missing_ok=True)
+    _, read = attached.carried(scenario.resolved)
+    return path.resolve() in {Path(each).resolve() for each in (scenario.file, *read.values())}
 
 
 def _now() -> str:

@@ -98,7 +98,8 @@ def write_results(folder: Path, *, with_runs: bool = True, dead: str = "") -> Re
     if with_runs:
         files.write_records(folder / "runs.csv", list(runs[0]), runs)
     facts = {"argv": ["rkfbench", "run", "fake"], "commit": "abc", "versions": {"numpy": "2"}}
-    manifest.seal(folder, scenario="fake", seed=5, runs=RUNS, **facts)
+    names = (*manifest.TOP, "timings/repeats.csv")
+    manifest.seal(folder, *names, scenario="fake", seed=5, runs=RUNS, **facts)
     return Results.open(folder)
 
 

@@ -34,6 +34,7 @@ class Scenario:
     title: str = "A toy study"
     paper: str | None = None
     seed: int = 7
+    file: str = "toy.yaml"
     plugins: Path = Path()
     runs: int = 10
     cells: tuple[Cell, ...] = ()

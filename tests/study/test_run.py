@@ -19,7 +19,8 @@ from rkfbench.store import Results, files, manifest
 from rkfbench.study import jobs, plan
 from rkfbench.study.engines import serial
 from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Spoiled
-from rkfbench.study.run import run_study
+from rkfbench.study.run import compute_shard, run_study
+from rkfbench.study.shards import Shard
 from tests.study import fakes
 
 
@@ -214,6 +215,31 @@ def test_fresh_computes_everything_anew(tmp_path: Path, compute: fakes.Compute) 
     assert tables(tmp_path / "r") == before
 
 
+@pytest.mark.parametrize("cut_short", [False, True], ids=["at once", "after an interruption"])
+def test_fresh_numbers_under_the_same_keys_make_new_tables(
+    tmp_path: Path, compute: fakes.Compute, monkeypatch: pytest.MonkeyPatch, cut_short: bool
+) -> None:
+    def unwritten(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    run_study(fakes.scenario(), tmp_path / "r")
+    value = fakes.value
+    monkeypatch.setattr(fakes, "value", lambda *args: 2 * value(*args))  # such as a plug-in that reads a file
+    if cut_short:
+        with monkeypatch.context() as patch:
+            patch.setattr("rkfbench.study.run._write_tables", unwritten)
+            with pytest.raises(KeyboardInterrupt):
+                run_study(fakes.scenario(), tmp_path / "r", fresh=True)
+    outcome = run_study(fakes.scenario(), tmp_path / "r", fresh=not cut_short)
+    assert outcome.changed
+    found = Results.open(tmp_path / "r")
+    assert found.values("literal", "rate=0.2", "kf", "rmse").tolist() == [
+        fakes.value(7, k, 0.2, "kf") for k in range(10)
+    ]
+    row = next(row for row in found.summary if (row["case"], row["filter"]) == ("rate=0.2", "kf"))
+    assert row["mean"] == pytest.approx(np.mean([fakes.value(7, k, 0.2, "kf") for k in range(10)]))
+
+
 def test_an_interrupted_run_keeps_its_blocks_and_resumes_to_the_same_bytes(
     tmp_path: Path, compute: fakes.Compute
 ) -> None:
@@ -322,6 +348,116 @@ def test_a_folder_with_other_things_is_refused(tmp_path: Path, compute: fakes.Co
     assert compute.calls == []
 
 
+WEB = json.dumps({"name": "my app", "icons": [{"src": "figures/photo.png"}]})
+
+
+@pytest.mark.parametrize(
+    "theirs",
+    [
+        {"manifest.json": WEB, "figures/photo.png": "", "report.md": "", "summary.csv": ""},
+        {"manifest.json": '{"schema": 1, "files": {}}', "report.md": ""},
+        {"manifest.json": "", "report.md": ""},
+        {"manifest.json/a": "", "report.md": ""},
+        {"blocks/1.block": "", "figures/photo.png": ""},
+        {"blocks/1.block": "", "plugins/mine.py": ""},
+        {"figures/photo.png": ""},
+        {"tuning/notes.txt": ""},
+    ],
+    ids=lambda theirs: " ".join(theirs),
+)
+def test_a_folder_of_another_program_is_refused_and_stays_as_it_is(
+    tmp_path: Path, compute: fakes.Compute, theirs: dict[str, str]
+) -> None:
+    for name, content in theirs.items():
+        files.write(tmp_path / "web" / name, content)
+    before = contents(tmp_path / "web")
+    with pytest.raises(UsageError, match="holds other files"):
+        run_study(fakes.scenario(), tmp_path / "web", fresh=True)
+    assert contents(tmp_path / "web") == before
+
+
+def test_a_run_that_was_cut_short_goes_on_but_not_among_other_files(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    (tmp_path / "r/manifest.json").unlink()
+    files.write(tmp_path / "r/notes.txt", "mine")
+    with pytest.raises(UsageError, match=r"holds other files \(notes.txt\)"):
+        run_study(fakes.scenario(), tmp_path / "r")
+    (tmp_path / "r/notes.txt").unlink()
+    assert run_study(fakes.scenario(), tmp_path / "r").computed == 0
+
+
+@pytest.mark.parametrize("end", [0, 20, 60, -1])
+def test_a_manifest_that_was_cut_short_is_made_again(tmp_path: Path, compute: fakes.Compute, end: int) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    path = tmp_path / "r/manifest.json"
+    path.write_text(path.read_text()[:end])
+    assert run_study(fakes.scenario(), tmp_path / "r").computed == 0
+    assert len(Results.open(tmp_path / "r").summary) == 8
+    path.write_text(path.read_text()[:60])
+    shutil.rmtree(tmp_path / "r/blocks")  # it still says whose it is
+    assert run_study(fakes.scenario(), tmp_path / "r").computed == 6
+
+
+def test_a_killed_first_write_leaves_a_folder_that_can_be_used(tmp_path: Path, compute: fakes.Compute) -> None:
+    files.write(tmp_path / "r/blocks/.a.block.123.tmp", "half")
+    assert run_study(fakes.scenario(), tmp_path / "r").computed == 6
+    assert not (tmp_path / "r/blocks/.a.block.123.tmp").exists()
+
+
+def test_files_of_the_user_are_neither_sealed_nor_removed(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    mine = ("mine.csv", "figures/photo.png", "tables/mine.csv", "plugins/notes.txt", "blocks/notes.txt", "report.md")
+    for name in mine:
+        files.write(tmp_path / "r" / name, "1")
+    files.write(tmp_path / "r/figures/fig1.png", b"png")
+    manifest.seal(tmp_path / "r", "figures/fig1.png")
+    (tmp_path / "r/mine.csv").write_text("2")
+    _, events = run(replace(fakes.scenario(), seed=8), tmp_path / "r", fresh=True)
+    assert not [event for event in events if isinstance(event, Spoiled)]
+    assert (tmp_path / "r/mine.csv").read_text() == "2"
+    assert all((tmp_path / "r" / name).exists() for name in mine)
+    assert not (tmp_path / "r/figures/fig1.png").exists()
+    assert not set(mine) & set(manifest.read(tmp_path / "r")["files"])
+
+
+def test_what_an_older_manifest_lists_beside_our_files_is_left_alone(tmp_path: Path, compute: fakes.Compute) -> None:
+    run_study(fakes.scenario(), tmp_path / "r")
+    files.write(tmp_path / "r/mine.csv", "1")
+    content = json.loads((tmp_path / "r/manifest.json").read_text())
+    del content[manifest.OWN]
+    content["files"]["mine.csv"] = "of old"
+    (tmp_path / "r/manifest.json").write_text(json.dumps(content))
+    assert run_study(fakes.scenario(), tmp_path / "r").computed == 0
+    assert (tmp_path / "r/mine.csv").read_text() == "1"
+    assert len(Results.open(tmp_path / "r").summary) == 8
+
+
+def test_a_link_to_a_folder_stays_a_link(tmp_path: Path, compute: fakes.Compute) -> None:
+    for name in ("blocks", "figures"):
+        (tmp_path / "scratch" / name).mkdir(parents=True)
+        (tmp_path / "r").mkdir(exist_ok=True)
+        (tmp_path / "r" / name).symlink_to(tmp_path / "scratch" / name)
+    run_study(fakes.scenario(), tmp_path / "r")
+    files.write(tmp_path / "r/figures/fig1.png", b"png")
+    manifest.seal(tmp_path / "r", "figures/fig1.png")
+    files.write(tmp_path / "scratch/blocks/.a.block.123.tmp", "half")
+    run_study(replace(fakes.scenario(), seed=8), tmp_path / "r", fresh=True)
+    assert all((tmp_path / "r" / name).is_symlink() for name in ("blocks", "figures"))
+    assert len(list((tmp_path / "scratch/blocks").iterdir())) == 6
+    assert list((tmp_path / "scratch/figures").iterdir()) == []
+
+
+def test_a_shard_counts_blocks_as_open_that_are_out_of_date_or_not_complete(
+    tmp_path: Path, compute: fakes.Compute
+) -> None:
+    first, second = Shard(1, 2), Shard(2, 2)
+    for shard, left in ((first, 3), (second, 0)):
+        assert compute_shard(fakes.scenario(filters=["kf"]), tmp_path / "r", shard).open == left
+    for shard, left in ((first, 3), (second, 0)):  # the blocks are there, but without the other filter
+        assert compute_shard(fakes.scenario(), tmp_path / "r", shard).open == left
+    assert compute_shard(replace(fakes.scenario(), seed=8), tmp_path / "r", first).open == 3
+
+
 def test_the_results_of_another_scenario_are_refused(tmp_path: Path, compute: fakes.Compute) -> None:
     run_study(fakes.scenario(), tmp_path / "r")
     with pytest.raises(UsageError, match="holds the results of 'toy'"):
@@ -363,7 +499,7 @@ def test_what_others_make_in_the_folder_is_not_sealed_when_it_is_damaged(
 ) -> None:
     run_study(fakes.scenario(), tmp_path / "r")
     files.write(tmp_path / "r/checks.csv", "id,deviation\na,0\n")
-    manifest.seal(tmp_path / "r", hashes={"checks": "abc"})
+    manifest.seal(tmp_path / "r", "checks.csv", hashes={"checks": "abc"})
     (tmp_path / "r/checks.csv").write_text("id,deviation\na,1\n")
     run_study(fakes.scenario(), tmp_path / "r")
     assert not (tmp_path / "r/checks.csv").exists()
@@ -393,6 +529,7 @@ def test_changed_numbers_take_away_what_was_drawn_from_the_old_ones(tmp_path: Pa
     run_study(fakes.scenario(), tmp_path / "r")
     files.write(tmp_path / "r/claims.csv", "id\n")
     files.write(tmp_path / "r/figures/fig1.png", b"png")
+    manifest.seal(tmp_path / "r", "claims.csv", "figures/fig1.png")
     run_study(replace(fakes.scenario(), seed=8), tmp_path / "r")
     assert not (tmp_path / "r/claims.csv").exists()
     assert not (tmp_path / "r/figures").exists()
