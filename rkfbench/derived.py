@@ -53,7 +53,8 @@ def _digest(scenario: Scenario, content: Mapping[str, Any]) -> str:
     numbers = {name: digest for name, digest in content["files"].items() if name.split("/")[0] not in DERIVED}
     paper = files.sha256(find(scenario.paper, papers(), "paper file")) if scenario.paper else ""
     outlines = [{name: asdict(each) for name, each in docket.outlines.items()} for docket in dockets(scenario)]
-    return plan.digest([numbers, paper, outlines, _sources(), version("matplotlib")])
+    tuning = content["hashes"].get(manifest.TUNING, "")
+    return plan.digest([numbers, tuning, paper, outlines, _sources(), version("matplotlib")])
 
 
 @cache

@@ -92,6 +92,7 @@ def experiment(
                 with lock:
                     outcome = replace(computed.write(), failures=failures)
                     if not failures:
+                        tuning.tie(folder, bool(choices))
                         if times is not None:
                             clock.write(times, folder)
                         checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)

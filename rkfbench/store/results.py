@@ -125,9 +125,10 @@ class Results:
 
     @cached_property
     def tuning(self) -> Results | None:
-        """The results of the tuning runs, where there are any."""
+        """The results of the tuning runs that belong to these numbers; None where there are none, or others."""
         place = self.folder / manifest.TUNING
-        return Results.open(place) if (place / manifest.NAME).exists() else None
+        belonging = self.manifest.get("hashes", {}).get(manifest.TUNING)
+        return Results.open(place) if belonging and belonging == manifest.digest(place) else None
 
     def _columns(self, reading: str, case: str, filter: str) -> dict[str, NDArray[np.float64]]:
         if not self.has_runs:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rkfbench.errors import UsageError
+from rkfbench.store import manifest
 from rkfbench.store.manifest import TUNING
 from rkfbench.study.engines import Engine
 from rkfbench.study.events import Report
@@ -37,6 +38,15 @@ def update(
     """Bring the tuning runs below `folder` up to date."""
     study = study_of(scenario, choices)
     return run_study(study, folder / TUNING, full=True, fresh=fresh, engine=engine, report=report)
+
+
+def tie(folder: Path, chosen: bool) -> None:
+    """Seal a folder together with its tuning runs, if a choice is made on them: those of another study, of which there
+    may be some, do not belong to it.
+    """
+    belonging = manifest.digest(folder / TUNING) if chosen else ""
+    if manifest.read(folder)["hashes"].get(TUNING, "") != belonging:
+        manifest.seal(folder, hashes={TUNING: belonging})
 
 
 def study_of(scenario: Scenario, choices: Collection[Choice]) -> Scenario:

@@ -16,7 +16,7 @@ import pytest
 
 from rkfbench.errors import UsageError
 from rkfbench.store import Results, files, manifest
-from rkfbench.study import jobs, plan
+from rkfbench.study import jobs, plan, tuning
 from rkfbench.study.engines import serial
 from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Spoiled
 from rkfbench.study.run import compute_shard, run_study
@@ -456,6 +456,35 @@ def test_a_shard_counts_blocks_as_open_that_are_out_of_date_or_not_complete(
     for shard, left in ((first, 3), (second, 0)):  # the blocks are there, but without the other filter
         assert compute_shard(fakes.scenario(), tmp_path / "r", shard).open == left
     assert compute_shard(replace(fakes.scenario(), seed=8), tmp_path / "r", first).open == 3
+
+
+def test_tuning_runs_of_another_study_do_not_belong_to_the_numbers(tmp_path: Path, compute: fakes.Compute) -> None:
+    place = tmp_path / "r"
+
+    def study(seed: int, choose: bool) -> Results:
+        toy = fakes.scenario(seed=seed)
+        run_study(toy, place)
+        if choose:
+            choices = [tuning.Choice(("kf", "hkf"), "rmse")]
+            tuning.update(toy, choices, place, fresh=False, engine=serial, report=lambda event: None)
+        tuning.tie(place, choose)
+        return Results.open(place)
+
+    with_runs = study(7, choose=True)
+    assert with_runs.tuning is not None
+    assert with_runs.tuning.seed == 7 + tuning.SEED_STEP
+    before = (place / "manifest.json").read_bytes()
+    study(7, choose=True)
+    assert (place / "manifest.json").read_bytes() == before
+    assert study(8, choose=False).tuning is None
+    compute.calls.clear()
+    assert study(7, choose=True).tuning is not None
+    assert {call[0] for call in compute.calls} == {0.1, 0.2}
+    assert len(compute.calls) == 6  # the blocks of the tuning runs were still there
+    tuning.update(
+        fakes.scenario(seed=9), [tuning.Choice(("kf",), "rmse")], place, fresh=False, engine=serial, report=id
+    )
+    assert Results.open(place).tuning is None
 
 
 def test_the_results_of_another_scenario_are_refused(tmp_path: Path, compute: fakes.Compute) -> None:
