@@ -16,6 +16,8 @@ import pytest
 from typer.testing import CliRunner
 
 from rkfbench.cli.commands import app
+from rkfbench.errors import UsageError
+from rkfbench.scenario import load_bundled
 from rkfbench.store import Results
 from rkfbench.store.lock import locked
 
@@ -370,6 +372,36 @@ def test_a_report_waits_for_the_run_in_its_folder(claiming: Path) -> None:
     assert "results/small is in use by another run" in refused.stderr
     assert rkfbench("report", "nowhere").exit_code == 2
     assert not Path("nowhere").exists()
+
+
+def test_a_report_holds_its_folders_until_its_pages_are_sealed(claiming: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import rkfbench.report.page as page
+
+    write_report, tried = page.write_report, []
+
+    def watched(folders: Any, place: Path) -> Any:
+        for folder in {*folders, place}:
+            with pytest.raises(UsageError, match="in use by another run"), locked(folder):
+                pass
+            tried.append(str(folder))
+        return write_report(folders, place)
+
+    monkeypatch.setattr(page, "write_report", watched)
+    for out in ("a", "b"):
+        rkfbench("run", claiming, "--out", out)
+    assert rkfbench("report", "a", "./a", "--out", "b").exit_code == 0
+    assert sorted(tried) == ["a", "b"]
+    assert "report.html" in Results.open("b").manifest["files"]
+    assert rkfbench("report", "a").exit_code == 0
+    assert not list(Path().rglob(".lock"))
+
+
+def test_a_report_into_the_folder_of_another_program_leaves_its_manifest_alone(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    Path("web").mkdir()
+    Path("web/manifest.json").write_text('{"name": "my app"}')
+    assert rkfbench("report", "results/small", "--out", "web").exit_code == 0
+    assert Path("web/manifest.json").read_text() == '{"name": "my app"}'
 
 
 def test_damaged_results_are_told_and_made_again(claiming: Path) -> None:

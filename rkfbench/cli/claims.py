@@ -94,18 +94,26 @@ def report(
     ] = None,
 ) -> None:
     """Make tables, figures and report again from results folders; runs no filter."""
+    from contextlib import ExitStack
+
     from rkfbench.pool import Pool
     from rkfbench.report.page import write_report
     from rkfbench.report.render import render
     from rkfbench.store import manifest
     from rkfbench.store.lock import locked
 
-    with Pool() as pool:
-        for folder in folders:
-            manifest.read(folder)  # only a results folder gets a lock
-            with locked(folder):
+    place = out or folders[0]
+    for folder in folders:
+        manifest.read(folder)  # only a results folder gets a lock
+    written = [*folders, place] if manifest.is_sealed(place) else folders
+    with ExitStack() as held:
+        for folder in {folder.resolve(): folder for folder in written}.values():
+            held.enter_context(locked(folder))
+        with Pool() as pool:
+            for folder in folders:
                 render(folder, pool)
-    for path in write_report(folders, out or folders[0]):
+        paths = write_report(folders, place)
+    for path in paths:
         terminal.data(str(path))
 
 
