@@ -23,6 +23,7 @@ from rkfbench.scenario import Scenario
 from rkfbench.scenario.files import papers
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.store import Results, files, manifest
+from rkfbench.study.plan import EXPERIMENT, experiment
 
 CLAIMS, PAGE = "claims.csv", "claims.md"
 
@@ -65,7 +66,6 @@ class Verified:
     scenario: Scenario
     rows: list[Row]
     changes: list[Change]
-    source: str  # what `rkfbench run` takes to make the folder again
 
 
 def verified(folder: Path) -> list[Verified]:
@@ -81,15 +81,8 @@ def verified(folder: Path) -> list[Verified]:
         mine = [kept.pop(key) for key in list(kept) if key in cells]
         rows, changes = verify(docket.paper, docket.cells, mine, docket.outlines)
         about = [_noted(row, results) for row in rows if row.cell.form.scenario == scenario.name]
-        found.append(
-            Verified(
-                docket,
-                scenario,
-                about,
-                [change for change in changes if change.key[4] == scenario.name],
-                source(results),
-            )
-        )
+        mine_changed = [change for change in changes if change.key[4] == scenario.name]
+        found.append(Verified(docket, scenario, about, mine_changed))
     if found:
         found[0].changes.extend(Change(line.key, line.verdict, "", None) for line in kept.values())
     return found
@@ -127,17 +120,17 @@ def caveats(judged: Iterable[Verified], reading: str) -> list[str]:
 
 
 def current(results: Results) -> Scenario:
-    """The scenario of a results folder as it is now."""
-    bundled = results.scenario in scenarios.bundled()
-    return scenarios.load_bundled(results.scenario) if bundled else scenarios.load(source(results))
-
-
-def source(results: Results) -> str:
-    """Where that scenario is found: the name of a bundled one, or the user's file; else the one that is stored."""
-    if results.scenario in scenarios.bundled():
-        return results.scenario
-    path = Path(results.manifest.get("source", ""))
-    return str(path if path.is_file() else results.folder / "scenario.yaml")
+    """The scenario of a results folder as its file says now, bundled or the user's, as long as that describes the
+    experiment that made the numbers; else the one that is stored.
+    """
+    source = results.manifest.get("source")
+    file = (results.folder.resolve() / source).resolve() if source else scenarios.bundled().get(results.scenario)
+    if file is not None and file.is_file():
+        found = scenarios.load(file) if source else scenarios.load_bundled(results.scenario)
+        made_from = results.manifest.get("hashes", {}).get(EXPERIMENT)
+        if found.name == results.scenario and made_from in (None, experiment(found)):  # None: of an older rkfbench
+            return found
+    return scenarios.load(results.folder / "scenario.yaml")
 
 
 def dockets(scenario: Scenario, results: Results | None = None) -> list[Docket]:

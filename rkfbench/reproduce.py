@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rkfbench import derived
 from rkfbench.aside import Aside
@@ -74,9 +75,7 @@ def experiment(
     Returns what is known before the tables are there.
     """
     scenario, forms, choices = _measured(scenario, full)
-    facts: dict[str, Any] = {"argv": list(argv)}
-    if scenario.name not in bundled():
-        facts["source"] = scenario.file
+    facts = {"argv": list(argv), "source": _source(scenario, folder)}
     with ExitStack() as held:
         held.enter_context(run.reserved(folder, scenario.name))
         computed = run.compute(
@@ -101,6 +100,15 @@ def experiment(
 
         aside(finish)
     return replace(computed.outcome(), failures=failures)
+
+
+def _source(scenario: Scenario, folder: Path) -> str | None:
+    """Where the file of a scenario is, seen from its results folder; None for a bundled one, which is known by name."""
+    file = os.path.realpath(scenario.file)
+    known = bundled().get(scenario.name)
+    if known is not None and file == os.path.realpath(known):
+        return None
+    return os.path.relpath(file, os.path.realpath(folder))
 
 
 def jobs_ahead(

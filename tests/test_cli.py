@@ -307,6 +307,54 @@ def test_verify_lists_claims_and_notices_a_region_that_moved(claiming: Path) -> 
     assert "reproduced -> not reproduced" in moved.stderr
 
 
+HARDER = ("along: cases}", "along: cases, margin: 1000}")
+
+
+def test_verify_judges_by_the_file_that_made_the_folder_wherever_it_is_called(
+    claiming: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rkfbench("run", claiming)
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "small.yaml").write_text(claiming.read_text().replace(*HARDER))
+    monkeypatch.chdir(other)
+    result = rkfbench("verify", "../results/small")
+    assert result.exit_code == 0
+    assert f"../results/small: judged as {claiming} says" in result.stderr
+    assert str(tmp_path) not in Path("../results/small/manifest.json").read_text()
+    claiming.write_text(claiming.read_text().replace(*HARDER))
+    assert rkfbench("verify", "../results/small").exit_code == 3
+
+
+def test_verify_judges_by_the_stored_scenario_where_the_file_describes_another_experiment(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    text = claiming.read_text()
+    claiming.write_text(text.replace(*HARDER).replace("steps: 12", "steps: 13"))
+    result = rkfbench("verify", "results/small")
+    assert result.exit_code == 0
+    assert "results/small: judged as results/small/scenario.yaml says" in result.stderr
+    assert rkfbench("explain", "outliers").stdout.count("reproduced") == 1
+    rkfbench("run", claiming)
+    assert rkfbench("verify", "results/small").exit_code == 0
+
+
+def test_an_own_scenario_under_the_name_of_a_bundled_one_is_judged_as_its_own_file_says(
+    claiming: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bundled = tmp_path / "bundled"
+    (bundled / "papers").mkdir(parents=True)
+    (bundled / "small.yaml").write_text(claiming.read_text().replace(*HARDER))
+    monkeypatch.setattr("rkfbench.scenario.files.FOLDER", bundled)
+    load_bundled.cache_clear()
+    rkfbench("run", claiming, "--out", "mine")
+    assert json.loads(Path("mine/manifest.json").read_text())["source"] == "../small.yaml"
+    assert rkfbench("verify", "mine").exit_code == 0
+    rkfbench("run", "small", "--out", "theirs")
+    assert json.loads(Path("theirs/manifest.json").read_text())["source"] is None
+    assert "not reproduced" in rkfbench("verify", "theirs").stdout
+    load_bundled.cache_clear()
+
+
 def test_times_are_kept_apart_and_measured_only_once(claiming: Path) -> None:
     rkfbench("run", claiming)
     before = Path("results/small/timings/repeats.csv").read_bytes()

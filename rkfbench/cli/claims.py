@@ -15,6 +15,7 @@ from rkfbench.cli.terminal import Terminal
 if TYPE_CHECKING:
     from rkfbench.claims.ledger import Row
     from rkfbench.judge import Verified
+    from rkfbench.scenario import Scenario
 
 Folders = Annotated[list[Path], typer.Argument(help="Results folders.")]
 
@@ -35,7 +36,11 @@ def verify(terminal: Terminal, folders: Folders) -> None:
     from rkfbench.errors import Different
     from rkfbench.judge import verified
 
-    judged = [each for folder in folders for each in verified(folder)]
+    judged = []
+    for folder in folders:
+        judged += (found := verified(folder))
+        if found:
+            terminal.note(f"{folder}: judged as {found[0].scenario.file} says")
     rows = [row for each in judged for row in each.rows]
     changes = [change for each in judged for change in each.changes]
     if terminal.json:
@@ -64,7 +69,7 @@ def explain(
     from rkfbench.reproduce import folders_with_claims
 
     judged = [each for folder in folders or folders_with_claims() for each in verified(folder)]
-    found = [(row, each.source) for each in judged for row in each.rows]
+    found = [(row, _source(each.scenario)) for each in judged for row in each.rows]
     mine = [row for row, _ in found if claim in (row.cell.id, row.cell.claim.id)]
     if not mine:
         known = dict.fromkeys(row.cell.id for row, _ in found)
@@ -115,6 +120,14 @@ def report(
         paths = write_report(folders, place)
     for path in paths:
         terminal.data(str(path))
+
+
+def _source(scenario: Scenario) -> str:
+    """What `rkfbench run` takes to make the results of a scenario again: the name of a bundled one, or its file."""
+    from rkfbench.scenario.files import bundled, display
+
+    mine = bundled().get(scenario.name)
+    return scenario.name if mine and display(mine) == scenario.file else scenario.file
 
 
 def _caveats(judged: Iterable[Verified], rows: Iterable[Row]) -> Iterator[str]:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Key = dict[str, Any]
 
+EXPERIMENT = "experiment"  # the hash in the manifest that tells whether a scenario is the one of the numbers
+
 # The compute part: every source file that a number of a block is made by. A test compares this with what is imported.
 COMPUTE = (
     *(
@@ -126,6 +128,15 @@ def part_keys(spec: Mapping[str, Any], seed: int) -> dict[str, Key]:
     if data := spec.get("data"):
         common["data"] = digest({key: value for key, value in {**data, **data["sha256"]}.items() if key != "sha256"})
     return {label: {**common, "filter": one, **_plugins(spec, {label, *partners})} for label, one in filters.items()}
+
+
+def experiment(scenario: Scenario) -> str:
+    """A hash of all that the numbers of a scenario depend on, but for the code, the seed and the number of runs."""
+    found = []
+    for cell in scenario.cells:
+        keys = part_keys(cell.spec, seed=0)
+        found.append([cell.reading, cell.case, {label: {**key, "code": ""} for label, key in keys.items()}])
+    return digest(found)
 
 
 def _plugins(spec: Mapping[str, Any], labels: Set[str]) -> Key:

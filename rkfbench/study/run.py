@@ -208,7 +208,11 @@ def _write_tables(
     parts = [[unit.keys[label] for label in unit.labels] for unit in units]
     stored = [blocks.digest(unit.path) for unit in units]  # the same key may have given other numbers
     made_from = [scenario.resolved, parts, stored, sorted(missing), facts["precision"]]
-    hashes = {"plan": plan.digest(made_from), "code": plan.code_hash()}
+    hashes = {
+        "plan": plan.digest(made_from),
+        "code": plan.code_hash(),
+        plan.EXPERIMENT: plan.experiment(scenario),
+    }
     if _up_to_date(folder, hashes):
         return False
     held, before = outputs.Held.of(scenario), manifest.listed(folder)  # before anything goes away
