@@ -6,6 +6,7 @@ along: its jobs go to another one. Needs the extra `rkfbench[dask]`.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Generator, Sequence
 from concurrent.futures import CancelledError
@@ -29,9 +30,10 @@ def remote(jobs: Sequence[Job], address: str) -> Generator[Done]:
     """The workers of the scheduler at `address`. Raises UsageError when it does not answer or has no workers."""
     distributed = _distributed()
     try:
+        asyncio.run(_knock(address))
         client = distributed.Client(address, timeout=CONNECT, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise UsageError(f"no dask scheduler answers at {address}: {error}") from error
+    except (OSError, ValueError, TypeError) as error:  # nobody there, no address, no certificate
+        raise UsageError(f"no dask scheduler answers at {address}, which should be tcp://HOST:PORT: {error}") from error
     with client:
         yield from _through(client, jobs, address)
 
@@ -48,6 +50,16 @@ def local(jobs: Sequence[Job], workers: int) -> Generator[Done]:
         cluster = distributed.LocalCluster(**options)
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         yield from _through(client, jobs, cluster.scheduler_address)
+
+
+async def _knock(address: str) -> None:
+    """Connect and leave again. A client that could not be made hangs for 20 s when Python collects it, and then shows
+    a traceback.
+    """
+    distributed = _distributed()
+    options = distributed.Security().get_connection_args("client")
+    comm = await distributed.comm.connect(address, timeout=CONNECT, **options)
+    comm.abort()
 
 
 def _through(client: Client, jobs: Sequence[Job], address: str) -> Generator[Done]:

@@ -162,6 +162,16 @@ def test_a_scheduler_that_is_not_there_is_one_message(monkeypatch: pytest.Monkey
         list(cluster.remote([], "tcp://127.0.0.1:9"))
 
 
+@pytest.mark.parametrize("address", ["foo", "tcp://[::1", "http://here:8786", "inproc://x", "tls://127.0.0.1:9"])
+def test_what_is_no_address_of_a_scheduler_is_told_before_a_client_is_made(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(distributed, "Client", None)  # half made, it hangs when it is collected
+    with pytest.raises(UsageError, match=r"no dask scheduler answers at .*, which should be tcp://HOST:PORT: "):
+        list(cluster.remote([], address))
+
+
 def test_a_scheduler_without_workers_is_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(cluster, "WORKERS", 0.2)
