@@ -208,11 +208,8 @@ def _apart(names: Sequence[str]) -> dict[str, str]:
     """How each name is called in the names of files; UsageError where two would be called the same."""
     slugs: dict[str, str] = {}
     for name in dict.fromkeys(names):
-        if twin := next((other for other, slug in slugs.items() if slug == _slug(name)), None):
+        called = files.slug(name)
+        if twin := next((other for other, slug in slugs.items() if slug == called), None):
             raise UsageError(f"the files of '{twin}' and '{name}' would have one name: export them one at a time")
-        slugs[name] = _slug(name)
+        slugs[name] = called
     return slugs
-
-
-def _slug(text: str) -> str:
-    return re.sub(r"[^\w.=,+-]+", "-", text).strip("-") or "data"

@@ -39,7 +39,10 @@ def recording_of(spec: Mapping[str, Any], model: Model) -> Recording | None:
     whole = recording.read(spec["data"], model.measurements, model.states)
     if spec["steps"] > len(whole.y):
         raise SpecError(f"the recording has {len(whole.y)} steps", ["steps"])
-    return whole.head(spec["steps"])
+    found = whole.head(spec["steps"])
+    if np.isnan(found.y).all():
+        raise SpecError(f"no measurement at all in {len(found.y)} steps: every cell is empty", ["data", "measurements"])
+    return found
 
 
 def law(spec: Mapping[str, Any], key: str, dim: int) -> Law:

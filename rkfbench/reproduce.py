@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
@@ -40,7 +38,6 @@ if TYPE_CHECKING:
 
 RESULTS = Path("results")
 REFERENCE = RESULTS / "reference"
-LONGEST_LABEL = 80
 CELLS = 100  # of claims, measured and judged while two processes draw a figure, about
 
 
@@ -48,10 +45,7 @@ def folder_of(scenario: Scenario, overrides: Sequence[str]) -> Path:
     """results/<scenario>, or results/<scenario>~<label> when options change what the scenario says."""
     if not overrides:
         return RESULTS / scenario.name
-    label = re.sub(r"[^\w.=,+-]+", "-", ",".join(overrides)).strip("-")
-    if len(label) > LONGEST_LABEL:
-        label = f"{label[:LONGEST_LABEL]}-{hashlib.sha256(label.encode()).hexdigest()[:6]}"
-    return RESULTS / f"{scenario.name}~{label}"
+    return RESULTS / f"{scenario.name}~{files.slug(','.join(overrides))}"
 
 
 def experiment(

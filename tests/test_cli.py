@@ -53,6 +53,16 @@ def test_options_that_change_the_scenario_get_a_folder_of_their_own(small: Path)
     assert {row["rate"] for row in Results.open(folder).summary} == {0.2}
 
 
+def test_names_as_long_as_they_may_be_make_names_of_files(small: Path) -> None:
+    name, label = "n" * 100, "β" * 130  # 260 bytes
+    text = small.read_text().replace("name: small", f"name: {name}").replace("threshold: 2", f"label: {label}")
+    text += f"readings: {{default: {{}}, {label}: {{steps: 11}}}}\ncases: {{{label}: {{}}}}\n"
+    small.write_text(text + f"figures: [{{id: {name}, kind: bars, metric: err_norm}}]\n")
+    for command in ("run", "export", f"trace --filter {label} --case rate=0 --run 1"):
+        result = rkfbench(*command.split(), small, "--runs", "3")
+        assert result.exit_code == 0, result.stderr
+
+
 def test_the_first_runs_of_a_longer_study_are_the_short_study(small: Path) -> None:
     rkfbench("run", small, "--runs", "3", "--out", "short")
     rkfbench("run", small, "--runs", "130", "--out", "long")

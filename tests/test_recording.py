@@ -180,6 +180,14 @@ def test_what_recorded_data_cannot_give_is_said(drive: Path, old: str, new: str,
     assert told in only
 
 
+def test_a_recording_without_any_measurement_is_told_where_the_scenario_names_it(drive: Path) -> None:
+    csv(drive, "t,px,py", "0.5,,", "1.0,nan,", "1.5,1,2")
+    load(drive)
+    (told,) = problems(drive, sets=["steps=2"])
+    assert "data.measurements: no measurement at all in 2 steps: every cell is empty" in told
+    assert rkfbench("run", drive, "--set", "steps=2").exit_code == 2
+
+
 def test_the_error_of_a_metric_names_those_that_need_no_truth(drive: Path) -> None:
     (told,) = problems(drive, sets=["metrics=[rmse]"])
     names = told.partition("(these do not: ")[2].rstrip(")").split(", ")

@@ -41,6 +41,14 @@ def folder(path: Path) -> Path:
     return path
 
 
+def test_a_label_in_a_file_name_is_short_and_no_other_label() -> None:
+    assert files.slug("filters.hkf.threshold=0.5:3:6") == "filters.hkf.threshold=0.5-3-6"
+    assert files.slug("/") == "data"
+    long = [files.slug("β" * 100 + end) for end in "ab"]
+    assert len(set(long)) == 2
+    assert all(len(name.encode()) <= files.LONGEST + 7 for name in long)
+
+
 def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
     files.write(tmp_path / "a.csv", "old")
 

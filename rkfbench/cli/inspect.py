@@ -48,11 +48,10 @@ def tune(
 
     The tuning runs have a seed of their own, so the choice does not profit from the runs that judge it.
     """
-    import re
-
     from rkfbench.report.tuned import choices, sentence, write
     from rkfbench.reproduce import RESULTS
     from rkfbench.scenario import load, pick
+    from rkfbench.store import files
     from rkfbench.study.axes import axis
     from rkfbench.study.tune import POINTS
     from rkfbench.study.tune import tune as tuned
@@ -65,8 +64,7 @@ def tune(
         goal = metric or cell.spec.get("score") or "rmse"
         found.append(tuned(cell, spec, axes, goal, seed=loaded.seed, runs=loaded.runs, refine=not grid))
         terminal.note(sentence(found[-1], axes))
-    name = re.sub(r"[^\w.=,+-]+", "-", label).strip("-")
-    folder = out or RESULTS / f"{loaded.name}~tune-{name}"
+    folder = out or RESULTS / f"{loaded.name}~tune-{files.slug(label)}"
     for path in write(folder, found, label, goal):
         terminal.note(str(path))
     rows = list(choices(found, label, goal))

@@ -50,7 +50,8 @@ class Picture:
 
     @property
     def stem(self) -> str:
-        return f"{self.figure.id}.{reading}" if (reading := stem(self.reading)) else self.figure.id
+        reading = files.shortened(stem(self.reading))
+        return f"{self.figure.id}.{reading}" if reading else self.figure.id
 
     @property
     def size(self) -> tuple[float, float]:

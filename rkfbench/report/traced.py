@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +27,7 @@ CAPTION = (
 def write(folder: Path, trace: Trace) -> list[Path]:
     """Write <case>.<filter>.run<N> as csv, png and pdf; the files written."""
     words = [trace.case, trace.filter, f"run{trace.run}"]
-    stem = ".".join(re.sub(r"[^\w.=,+-]+", "-", word).strip("-") for word in words if word)
+    stem = ".".join(files.slug(word) for word in words if word)
     paths = [folder / f"{stem}{suffix}" for suffix in (".csv", ".png", ".pdf")]
     files.write_csv(paths[0], list(trace.columns), trace.rows())
     with style.styled():

@@ -27,10 +27,16 @@ from rkfbench.errors import Path
 Dimension = Literal["case", "filter", "metric"]
 Statistic = Literal["mean", "median", "sd", "max"]
 Computed = Literal["operation_counts", "operation_totals"]  # the functions of report/computed.py
+LONGEST_NAME = 100  # of what names files: more is added to it
 Name = Annotated[str, Field(min_length=1)]
 Names = Name | Annotated[list[Name], Field(min_length=1)]
 Identifier = Annotated[
-    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", description="names the files: letters, digits, - and _")
+    str,
+    Field(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$",
+        max_length=LONGEST_NAME,
+        description="names the files: letters, digits, - and _",
+    ),
 ]
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag
 
 from rkfbench.scenario.claims import Claim
-from rkfbench.scenario.display import Figure, Strict, Table
+from rkfbench.scenario.display import LONGEST_NAME, Figure, Strict, Table
 
 CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
@@ -215,7 +215,9 @@ META = ("name", "title", "paper", "notes", "names", "seed", "runs")
 class ScenarioFile(Experiment):
     """One scenario file."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="names the results folder")
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=LONGEST_NAME, description="names the results folder"
+    )
     title: str = Field(default="", description="one line")
     paper: (
         Annotated[

@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
@@ -20,6 +21,7 @@ from typing import IO, Any
 from rkfbench.errors import UsageError
 
 TEMPORARY = ".{name}.{pid}.tmp"
+LONGEST = 80  # bytes of a label in a file's name
 
 # Columns whose cells are names even when they look like numbers: a case may be called "5".
 TEXT = frozenset(("reading", "case", "filter", "metric", "label", "name", "id", "claim"))
@@ -36,6 +38,19 @@ def writing(path: Path) -> Iterator[None]:
             f"cannot write {place}: {error.strerror or error}\n"
             "what was finished is kept: mend this, or choose another folder with --out, and run the same command again"
         ) from error
+
+
+def slug(text: str) -> str:
+    """A label as a part of a file's name; `data` where nothing is left of it."""
+    return shortened(re.sub(r"[^\w.=,+-]+", "-", text).strip("-") or "data")
+
+
+def shortened(name: str) -> str:
+    """The name, with a hash of it in the place of what goes beyond 80 bytes: file systems take 255 in all."""
+    whole = name.encode()
+    if len(whole) <= LONGEST:
+        return name
+    return f"{whole[:LONGEST].decode(errors='ignore')}-{hashlib.sha256(whole).hexdigest()[:6]}"
 
 
 @contextmanager

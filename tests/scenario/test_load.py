@@ -106,6 +106,7 @@ def test_options_that_make_no_sense_are_refused(problems, options, message) -> N
         ({"steps: 5": "steps: true"}, "steps: should be a valid integer"),
         ({"seed: 1": 'seed: "1"'}, "seed: should be a valid integer"),
         ({"name: small": "name: ../small"}, "name: should match pattern"),
+        ({"name: small": f"name: {'x' * 101}"}, "name: should have at most 100 characters"),
     ],
 )
 def test_what_makes_no_sense_is_told_where_it_stands(problems, texts, message) -> None:
