@@ -189,6 +189,8 @@ def _spec_error(error: ValidationError, model: type[BaseModel], data: Any) -> Sp
     misfits: set[Path] = set()
     mistyped: set[Path] = set()
     for each in error.errors(include_url=False):
+        if each["type"] == "too_short" and len(each["input"]) >= each["ctx"]["min_length"]:
+            continue  # only because its faulty items, which are told, were left out
         path = _within(data, each["loc"])
         if each["type"] == "extra_forbidden":
             message = f"unknown key{did_you_mean(path[-1], siblings := _siblings(model, path))}"

@@ -29,7 +29,7 @@ from rkfbench.filters.base import Estimate, Known, Posterior
 from rkfbench.filters.factors import FactorForm, Floor, LambdaAlpha, LambdaBeta, factor, log_factor
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear
-from rkfbench.linalg import Array, batched, mul, outer, sandwich
+from rkfbench.linalg import Array, mul, outer, sandwich
 from rkfbench.models import Model
 from rkfbench.streams import Streams
 
@@ -112,9 +112,10 @@ class AdaptiveFactorFilter(ABC):
     ) -> Estimate:
         """The estimates; see `rkfbench.filters.base.Filter`."""
         self.check(model)
-        if batched(np.asarray(R))[..., ~np.eye(len(model.measurements), dtype=bool), :].any():
+        told = recursion.prepare(model, y, x0, P0, Q, R)
+        if np.nan_to_num(told[-1][..., ~np.eye(len(model.measurements), dtype=bool), :]).any():
             raise SpecError("adaptive-factor filters need independent sensors: a diagonal R")
-        return recursion.collect(self.steps(model, *recursion.prepare(model, y, x0, P0, Q, R)), keep, len(y))
+        return recursion.collect(self.steps(model, *told), keep, len(y))
 
     def steps(self, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[recursion.Step]:
         """The steps, one after the other, from arguments as `prepare` makes them."""

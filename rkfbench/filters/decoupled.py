@@ -16,6 +16,7 @@ import numpy as np
 
 from rkfbench.errors import SpecError, did_you_mean
 from rkfbench.filters.base import Estimate, Filter, Known, Setting
+from rkfbench.filters.recursion import prepare
 from rkfbench.filters.smoothing import SEES, Inner, inner_filter, placed
 from rkfbench.linalg import Array
 from rkfbench.models import Linear, Model
@@ -118,6 +119,7 @@ class Decoupled:
     ) -> Estimate:
         """The estimates; see `rkfbench.filters.base.Filter`."""
         self.check(model)
+        prepare(model, y, x0, P0, Q, R)  # says what is wrong with them
         streams = streams or Streams(0, groups=-(-np.atleast_3d(y).shape[2] // GROUP))
         found: dict[tuple[int, ...], Estimate] = {}
         for i, names in enumerate(self.parts):

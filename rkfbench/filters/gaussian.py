@@ -74,7 +74,10 @@ class GaussianFilter:
         self, model: Model, y: Array, x0: Array, P0: Array, *, Q: Array, R: Array, known: Known | None = None
     ) -> Iterator[recursion.Step]:
         """The steps, one after the other."""
-        told = recursion.prepare(model, y, x0, P0, Q, R)
+        return self.prepared(model, *recursion.prepare(model, y, x0, P0, Q, R))
+
+    def prepared(self, model: Model, *told: Array) -> Iterator[recursion.Step]:
+        """The steps from arguments as `prepare` makes them."""
         how = gains.steps if self._gains_first(model, *told) else partial(recursion.steps, self)
         return how(model, *told)
 

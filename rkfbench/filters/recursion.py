@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from rkfbench.errors import SpecError
+from rkfbench.filters import covariances
 from rkfbench.filters.base import Estimate, Posterior
 from rkfbench.linalg import Array, batched, finite, positive_definite, trace
 from rkfbench.models import Model, Observed
@@ -87,9 +88,13 @@ def steps(filt: Recursive, model: Model, y: Array, x: Array, P: Array, Q: Array,
 
 
 def prepare(
-    model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array
+    model: Model, y: Array, x0: Array, P0: Array, Q: Array, R: Array, recorded: bool = False
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """The arguments of `run` with a run axis each; SpecError where a shape does not fit the model."""
+    """The arguments of `run` with a run axis each; SpecError where a shape does not fit the model, or where what all
+    runs share is not finite or no covariance.
+
+    recorded: Q and R come from the record of the noise, which may have none at times.
+    """
     n, m = len(model.states), len(model.measurements)
     y = np.asarray(y, dtype=float)
     y = y[..., None] if y.ndim == 2 else y
@@ -100,6 +105,8 @@ def prepare(
     x = x[:, None] if x.ndim == 1 else x
     if x.shape not in ((n, 1), (n, M)):
         raise SpecError(f"x0 has shape {np.shape(x0)}, expected ({n},) or ({n}, {M})")
+    if x.shape[1] == 1 and not np.isfinite(x).all():
+        raise SpecError("x0 is not finite")
     P0, Q, R = (batched(np.asarray(A, dtype=float)) for A in (P0, Q, R))
     for name, A, d in (("P0", P0, n), ("Q", Q, n), ("R", R, m)):
         if A.shape[-3:-1] != (d, d) or A.shape[-1] not in (1, M) or (A.ndim == 4 and len(A) not in (1, T)):
@@ -107,6 +114,8 @@ def prepare(
                 f"{name} has shape {A.shape}, expected ({d}, {d}), "
                 f"or ({T}, {d}, {d}, {M} or 1) where it changes with time"
             )
+        if not recorded or name == "P0":
+            covariances.check(name, A, singular=name != "R")
     Q, R = (A[0] if A.ndim == 4 and len(A) == 1 else A for A in (Q, R))
     return y, np.array(np.broadcast_to(x, (n, M))), P0, Q, R
 

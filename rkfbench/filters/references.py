@@ -67,7 +67,8 @@ class Clairvoyant:
             - known.v.mean
             - (0.0 if moved is None else np.stack([mul(model.H(d, k), d) for k, d in enumerate(moved, 1)]))
         )
-        steps = self.kf.steps(model, y, x0, P0, Q=known.w.cov(), R=known.v.cov())
+        told = recursion.prepare(model, y, x0, P0, known.w.cov(), known.v.cov(), recorded=True)
+        steps = self.kf.prepared(model, *told)
         if moved is None:
             return steps
         return (step._replace(prior_x=step.prior_x + d, x=step.x + d) for step, d in zip(steps, moved, strict=True))
