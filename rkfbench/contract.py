@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -20,7 +20,8 @@ from rkfbench.errors import RkfbenchError, SpecError
 from rkfbench.experiment import Experiment, World
 from rkfbench.filters import Estimate, Filter, build
 from rkfbench.linalg import Array
-from rkfbench.own.filters import OneByOne
+from rkfbench.own.onerun import OneByOne
+from rkfbench.parts import Told
 from rkfbench.streams import GROUP, Streams
 
 STEPS = 12  # of a scenario that are tried
@@ -129,18 +130,26 @@ class Subject:
         """The measurements (T, m, M) of the runs that are tried."""
         return self.problem.world.y[..., : self.runs]
 
-    def estimate(self, runs: slice | None = None, y: Array | None = None, keep: Collection[str] = ("cov",)) -> Estimate:
-        """The estimates of some of the runs, or from other measurements of all of them."""
+    def estimate(
+        self,
+        runs: slice | None = None,
+        y: Array | None = None,
+        keep: Collection[str] = ("cov",),
+        told: Told | None = None,
+    ) -> Estimate:
+        """The estimates of some of the runs, or of all of them from other measurements or told other covariances."""
         experiment, world = self.problem.experiment, self.problem.world
+        told = experiment.told if told is None else told
         runs = slice(0, self.runs) if runs is None else runs
-        sees = getattr(self.filter, "sees", frozenset({"cov"}))
-        return self.filter.run(
+        filt = replace(self.filter, begin=runs.start) if isinstance(self.filter, OneByOne) else self.filter
+        sees = getattr(filt, "sees", frozenset({"cov"}))
+        return filt.run(
             experiment.assumed_model,
             (world.y if y is None else y)[..., runs],
             world.x0[:, runs],
-            experiment.told.P0,
-            Q=experiment.told.Q,
-            R=experiment.told.R,
+            told.P0,
+            Q=told.Q,
+            R=told.R,
             keep=tuple(each for each in keep if each in sees),
             known=world.known if runs == slice(0, GROUP) else world.known.of(runs),
             streams=Streams(1),
@@ -214,12 +223,17 @@ def alone(subject: Subject) -> Iterator[str]:
 
 
 def missing(subject: Subject) -> Iterator[str]:
-    """A wholly missing measurement (NaN) is a prediction, and no run fails of it."""
+    """A wholly missing measurement (NaN) is a prediction, and no run fails of it or of one missing component."""
     y = subject.y.copy()
     y[3] = np.nan
     base, result = subject.estimate(), subject.estimate(y=y, keep=("cov", "prior_mean", "prior_cov"))
     if (result.failed & ~base.failed).all() and not base.failed.all():
         yield "a missing measurement (NaN in y) makes every run fail"
+        return
+    y = subject.y.copy()
+    y[3, 0] = np.nan
+    if (subject.estimate(y=y).failed & ~base.failed).all() and not base.failed.all():
+        yield "a missing component (NaN in y) makes every run fail: use those where np.isfinite(y)"
         return
     if "prior_mean" not in result.extras or result.target is not None:
         return
@@ -241,7 +255,7 @@ def inputs(subject: Subject) -> Iterator[str]:
     before = {name: each.copy() for name, each in given.items()}
     subject.estimate()
     for name, each in given.items():
-        if not np.array_equal(each, before[name]):
+        if not np.array_equal(each, before[name], equal_nan=True):
             yield f"it changes its argument {name}"
 
 
@@ -261,7 +275,20 @@ def randomness(subject: Subject) -> Iterator[str]:
         yield "it draws from the global random numbers of NumPy or Python: draw from `streams` or a parameter `rng`"
 
 
-CHECKS: tuple[Check, ...] = (shapes, covariances, batches, alone, missing, inputs, randomness)
+def stepped(subject: Subject) -> Iterator[str]:
+    """A Q and R told for each step that are the same at all steps change nothing; who cannot take them says so."""
+    told, T = subject.problem.experiment.told, len(subject.y)
+    Q, R = (np.repeat(A[None, ..., None], T, axis=0) for A in (told.Q, told.R))
+    base = subject.estimate()
+    try:
+        result = subject.estimate(told=replace(told, Q=Q, R=R))
+    except SpecError:
+        return
+    if not np.allclose(result.mean, base.mean, rtol=1e-6, atol=1e-6, equal_nan=True):
+        yield "a Q and R told for each step, (T, n, n, 1) and (T, m, m, 1), give other estimates than told once"
+
+
+CHECKS: tuple[Check, ...] = (shapes, covariances, batches, alone, missing, inputs, randomness, stepped)
 
 
 def limit_holds(make: Callable[..., Filter], limit: Limit, problem: Problem) -> Iterator[str]:

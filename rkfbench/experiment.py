@@ -124,6 +124,7 @@ class Experiment:
                     if each.get("assumed"):
                         told = parts.told_apart(each["assumed"], spec["assumed"], laws, n, m)
                         told = recorded.paced(told, model, intervals)
+                    parts.check_told(built, told)
                     made["filters"][each["label"]] = built, told
         with collect(faults):
             recorded.check_metrics(made.get("metrics", ()), lacking)
@@ -132,6 +133,7 @@ class Experiment:
         if not faults:
             with collect(faults):
                 parts.check_partners(made["metrics"], made["filters"])
+                parts.check_measured(made["metrics"], made["filters"])
         if faults:
             raise SpecError.all(faults)
         return cls(

@@ -166,6 +166,13 @@ def filter_of(spec: Mapping[str, Any], model: Model, setting: Setting) -> Filter
     return built
 
 
+def check_told(filt: Any, told: Told | None) -> None:
+    """SpecError if a filter of one run has no place for a Q or R that changes with time."""
+    check: Callable[[Array, Array], None] | None = getattr(filt, "check_told", None)
+    if check is not None and told is not None:
+        check(told.Q, told.R)
+
+
 def point_of(spec: Mapping[str, Any] | None, steps: int) -> tuple[int, int] | None:
     if spec is None:
         return None
@@ -228,6 +235,24 @@ def check_partners(wanted: Sequence[Metric], built: Mapping[str, Any]) -> None:
                     f"'{metric.name}' needs {', '.join(sorted(lacking))} of '{label}', which it does not have",
                     ["metrics", i],
                 )
+
+
+def check_measured(wanted: Sequence[Metric], built: Mapping[str, Any]) -> None:
+    """SpecError if of no filter there is any metric: nothing would be in the tables."""
+    of_none = [sentence for label, (filt, _) in built.items() if (sentence := unmeasured(label, filt, wanted, True))]
+    if wanted and built and len(of_none) == len(built):
+        raise SpecError(f"nothing would be measured: {'; '.join(of_none)}", ["metrics"])
+
+
+def unmeasured(label: str, filt: Any, wanted: Sequence[Metric], whole: bool = False) -> str:
+    """`clipped has no nu, S: nis, whiteness not measured`, or nothing. whole: only if not a single metric is left."""
+    left = [metric for metric in wanted if metrics.applies(metric, filt)]
+    if len(left) == len(wanted) or (whole and left):
+        return ""
+    missing = {metric.name: metrics.lacking(metric, filt) for metric in wanted if metric not in left}
+    histories = dict.fromkeys(name for each in missing.values() for name in sorted(each, reverse=True))
+    has = f" has no {', '.join(histories)}" if histories else ""
+    return f"{label}{has}: {', '.join(missing)} not measured"
 
 
 def lost_of(spec: Mapping[str, Any] | None, model: Model, steps: int) -> Lost | None:

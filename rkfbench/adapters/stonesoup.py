@@ -82,9 +82,9 @@ class _Adapted:
     """A predictor and an updater on the state of one run."""
 
     def __init__(
-        self, predictor: type, updater: type, model: Model, x0: Array, P0: Array, Q: Array, R: Array, **params: Any
+        self, predictor: type, updater: type, model: Model, x0: Array, P0: Array, Q: Array, **params: Any
     ) -> None:
-        self.model, self.R = model, R
+        self.model = model
         self.transition = Transition(model=model, Q=Q)
         self.predictor, self.updater = predictor(self.transition, **params), updater(None, **params)
         self.state = GaussianState(StateVector(x0), CovarianceMatrix(P0), timestamp=START)
@@ -99,19 +99,20 @@ class _Adapted:
         """Covariance (n, n)."""
         return np.asarray(self.state.covar, dtype=float)
 
-    def predict(self, k: int) -> None:
+    def predict(self, k: int, Q: Array) -> None:
         """Stone Soup's prediction."""
-        self.transition.k = k
+        self.transition.k, self.transition.Q = k, Q
         self.state = self.predictor.predict(self.state, timestamp=START + timedelta(seconds=k))
 
-    def update(self, y: Array, k: int) -> None:
+    def update(self, y: Array, k: int, R: Array) -> None:
         """Stone Soup's update with y, put so that its innovation is that of the model, with angles wrapped."""
         rows = np.flatnonzero(~np.isnan(y))
         model = self.model if len(rows) == len(y) else Observed(self.model, rows)
-        measurement = Measurement(model=model, R=self.R[np.ix_(rows, rows)], k=k)
+        measurement = Measurement(model=model, R=R[np.ix_(rows, rows)], k=k)
         expected = self.updater.predict_measurement(self.state, measurement)
         z = np.asarray(expected.state_vector, dtype=float)[:, 0]
-        detection = Detection(StateVector(z + model.residual(y[rows], z)), START + timedelta(seconds=k), measurement)
+        self.nu, self.S = model.residual(y[rows], z), np.asarray(expected.covar, dtype=float)
+        detection = Detection(StateVector(z + self.nu), START + timedelta(seconds=k), measurement)
         self.state = self.updater.update(SingleHypothesis(self.state, detection, expected))
         # without what it was made from, which would keep all earlier states alive
         self.state = GaussianState(self.state.state_vector, self.state.covar, timestamp=self.state.timestamp)
@@ -121,7 +122,7 @@ class kf(_Adapted):  # noqa: N801 - the name that a scenario writes
     """Kalman filter of Stone Soup: its extended predictor and updater on a linear model."""
 
     def __init__(self, model: Model, x0: Array, P0: Array, Q: Array, R: Array) -> None:
-        super().__init__(ExtendedKalmanPredictor, ExtendedKalmanUpdater, model, x0, P0, Q, R)
+        super().__init__(ExtendedKalmanPredictor, ExtendedKalmanUpdater, model, x0, P0, Q)
 
     @staticmethod
     def check(model: Model) -> None:
@@ -134,7 +135,7 @@ class ekf(_Adapted):  # noqa: N801
     """Extended Kalman filter of Stone Soup."""
 
     def __init__(self, model: Model, x0: Array, P0: Array, Q: Array, R: Array) -> None:
-        super().__init__(ExtendedKalmanPredictor, ExtendedKalmanUpdater, model, x0, P0, Q, R)
+        super().__init__(ExtendedKalmanPredictor, ExtendedKalmanUpdater, model, x0, P0, Q)
 
 
 class ukf(_Adapted):  # noqa: N801
@@ -153,4 +154,4 @@ class ukf(_Adapted):  # noqa: N801
     ) -> None:
         spread = None if kappa == "3-n" else kappa
         predictor, updater = UnscentedKalmanPredictor, UnscentedKalmanUpdater
-        super().__init__(predictor, updater, model, x0, P0, Q, R, alpha=alpha, beta=beta, kappa=spread)
+        super().__init__(predictor, updater, model, x0, P0, Q, alpha=alpha, beta=beta, kappa=spread)

@@ -84,6 +84,8 @@ def run(
     overrides = [*sets, *sweeps, *(f"{name}={value}" for name, value in numbers.items() if value is not None)]
     overrides += [f"precision={each}" for each in precision]
     loaded = [load(each, sets=sets, sweeps=sweeps, runs=runs, seed=seed) for each in scenarios]
+    for scenario in loaded:
+        running.unmeasured(terminal, scenario)
     folders = [folder_of(scenario, overrides) for scenario in loaded]
     if out is not None:
         folders = [out if len(loaded) == 1 else out / scenario.name for scenario in loaded]
@@ -198,6 +200,7 @@ def validate(terminal: Terminal, scenarios: Scenarios, sets: Sets = [], sweeps: 
         verdicts.append({"file": scenario.file, "valid": True, "problems": []})
         if not terminal.json:
             terminal.data(f"{scenario.file}: valid (readings: {readings}, cases: {cases}, filters: {filters})")
+        running.unmeasured(terminal, scenario)
     if terminal.json:
         terminal.object(verdicts)
     if wrong:

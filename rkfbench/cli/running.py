@@ -82,6 +82,14 @@ def experiments(
     return outcomes
 
 
+def unmeasured(terminal: Terminal, scenario: Any) -> None:
+    """Which metrics a filter does not have."""
+    from rkfbench.scenario.unmeasured import notes
+
+    for each in notes(scenario):
+        terminal.note(f"{scenario.name}: {each}")
+
+
 def _apart(studies: Studies) -> bool:
     """Whether one study can be finished while another runs: their plug-ins are looked for in one folder at a time."""
     cells = (cell for scenario, _ in studies for cell in (*scenario.cells, *scenario.sensitivity))

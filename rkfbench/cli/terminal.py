@@ -76,6 +76,8 @@ class Terminal:
                         self.note(f"{name}: making again {what}: not what was written there (edited or damaged)")
                     case events.Stopped(text):
                         self.note(f"{name}: {text}")
+                    case events.Died():
+                        self.note(f"{name}: {event}")
                     case events.Looped():
                         self.note(
                             f"{name}: {event.filter} takes the runs one by one: {event.microseconds:.0f} us a run and "

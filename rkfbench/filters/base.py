@@ -37,6 +37,7 @@ class Estimate:
     extras: Mapping[str, Array] = field(default_factory=dict)
     target: int | None = None
     passed: Estimate | None = None
+    death: str = ""  # how the first of the failed runs died, where that is known
     derived: dict[str, Array] = field(default_factory=dict, repr=False)  # what metrics made of it and look at again
 
     def of(self, runs: slice) -> Estimate:
@@ -52,6 +53,7 @@ class Estimate:
             {name: cut(A) for name, A in self.extras.items()},
             self.target,
             None if self.passed is None else self.passed.of(runs),
+            self.death,
         )
 
 

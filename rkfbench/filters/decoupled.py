@@ -158,16 +158,18 @@ def _belongs(model: Model, parts: Parts, name: str) -> int:
     return next(i for i, part in enumerate(parts) if name in part)
 
 
-def _block(A: Array, rows: Collection[int]) -> Array:
-    chosen = np.array([*rows])
-    return np.asarray(A)[np.ix_(chosen, chosen)]
+def _block(A: Array, rows: Collection[int], columns: Collection[int] | None = None) -> Array:
+    """Rows and columns of a covariance (d, d), (d, d, M) or (T, d, d, M)."""
+    A, of_both = np.asarray(A), (rows, rows if columns is None else columns)
+    i, j = np.ix_(*(np.array([*each], dtype=np.intp) for each in of_both))
+    return A[:, i, j] if A.ndim == 4 else A[i, j]
 
 
 def _check_blocks(rows: tuple[int, ...], *covariances: Array) -> None:
-    """SpecError where a covariance (d, d) couples these components with others."""
+    """SpecError where a covariance couples these components with others."""
     for C in covariances:
-        others = np.setdiff1d(np.arange(len(C)), rows)
-        if np.any(np.asarray(C)[np.ix_(np.array(rows), others)]):
+        others = np.setdiff1d(np.arange(np.shape(C)[1]), rows)
+        if np.any(_block(C, rows, others)):
             raise SpecError("a covariance couples the parts")
 
 

@@ -214,7 +214,12 @@ def applies(metric: Metric, filt: Any) -> bool:
         fits = metric.point is not None and not (isinstance(metric.point, int) and metric.point > filt.lag)
     else:
         fits = metric.point in (None, "last")
-    return fits and metric.quantity.keep <= getattr(filt, "sees", frozenset()) | {"cov"} and (own is None or own(filt))
+    return fits and not lacking(metric, filt) and (own is None or own(filt))
+
+
+def lacking(metric: Metric, filt: Any) -> frozenset[str]:
+    """Histories that a metric needs and a filter does not keep."""
+    return frozenset(metric.quantity.keep - getattr(filt, "sees", frozenset()) - {"cov"})
 
 
 def _point(text: str) -> Literal["last", "lag"] | int:

@@ -10,7 +10,8 @@ A plug-in is named wherever a catalogue name may stand:
     names     which file or module a name means; imports nothing but what a scenario names
     sources   the hash of a plug-in's sources, by which stored numbers are used again
     entry     from the named object to a catalogue entry: its signature has the parameters
-    filters   the batch-last interface guarded, and the one-run interface looped over the runs
+    filters   the batch-last interface guarded
+    onerun    the one-run interface looped over the runs
     parts     models, noise laws, robust weights and metrics
     faults    which plug-in an exception came from
 """

@@ -18,6 +18,11 @@ def raised(name: str, error: BaseException, where: str = "") -> PluginFault:
     return PluginFault(f"{name} raised {type(error).__name__}{where}: {error}{_line(error)}")
 
 
+def said(error: BaseException) -> str:
+    """`LinAlgError: Singular matrix (my.py, line 8)`."""
+    return f"{type(error).__name__}: {error}{_line(error)}"
+
+
 def told(error: BaseException) -> str:
     """What the user reads of an exception in a job: the plug-in that it came from, where there is one."""
     if isinstance(error, RkfbenchError):

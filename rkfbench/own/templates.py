@@ -21,21 +21,22 @@ class {name}:
 
     # Behind the first five, every parameter can be set in a scenario: {{use: {name}.py:{name}, threshold: 2}}.
     def __init__(self, model, x0, P0, Q, R, threshold: Annotated[float, Gt(0), "in standard deviations"] = 3.0):
-        self.model, self.Q, self.R, self.threshold = model, Q, R, threshold
+        self.model, self.threshold = model, threshold
         self.x, self.P = x0, P0  # mean (n,) and covariance (n, n); read after each step
 
-    def predict(self, k):
-        """From step k - 1 to step k."""
+    def predict(self, k, Q):
+        """From step k - 1 to step k; Q is that of the step, of which a recording with irregular times has many."""
         F = self.model.F(self.x, k)  # the Jacobian of f, or the matrix of a linear model
         self.x = self.model.f(self.x, k)
-        self.P = F @ self.P @ F.T + self.Q
+        self.P = F @ self.P @ F.T + Q
 
-    def update(self, y, k):
+    def update(self, y, k, R):
         """With the measurement y (m,); not called where all of it is missing."""
-        H = self.model.H(self.x, k)
-        S = H @ self.P @ H.T + self.R
+        seen = np.isfinite(y)  # single components may be missing
+        H = self.model.H(self.x, k)[seen]
+        S = H @ self.P @ H.T + R[np.ix_(seen, seen)]
         K = np.linalg.solve(S, H @ self.P).T
-        nu = self.model.residual(y, self.model.h(self.x, k))  # y - h(x), angles wrapped
+        nu = self.model.residual(y, self.model.h(self.x, k))[seen]  # y - h(x), angles wrapped
         limit = self.threshold * np.sqrt(np.diag(S))
         self.x = self.x + K @ np.clip(nu, -limit, limit)
         self.P = self.P - K @ S @ K.T

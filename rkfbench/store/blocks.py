@@ -88,6 +88,7 @@ class Part:
     lost: Array  # (M,) bool
     values: Mapping[str, Array]  # metric -> (M,)
     curves: Mapping[str, Curve]  # metric -> moments over the block
+    death: str = ""  # how the first of the failed runs died, where that is known
 
 
 def write(path: Path, parts: Mapping[str, tuple[Key, Part]]) -> None:
@@ -96,6 +97,8 @@ def write(path: Path, parts: Mapping[str, tuple[Key, Part]]) -> None:
     arrays: dict[str, Array] = {}
     for index, (label, (key, part)) in enumerate(parts.items()):
         header["parts"][label] = {"key": key, "values": list(part.values), "curves": list(part.curves)}
+        if part.death:
+            header["parts"][label]["death"] = part.death
         arrays[f"{index}.runs"] = np.array([part.failed, part.lost])
         arrays[f"{index}.values"] = np.array([*part.values.values()])
         for number, curve in enumerate(part.curves.values()):
@@ -138,7 +141,8 @@ def read(path: Path, labels: set[str] | None = None) -> dict[str, Part]:
 def _part(arrays: Mapping[str, Array], index: int, names: Mapping[str, Any]) -> Part:
     failed, lost = arrays[f"{index}.runs"]
     curves = {name: Curve(*arrays[f"{index}.curve{number}"]) for number, name in enumerate(names["curves"])}
-    return Part(failed, lost, dict(zip(names["values"], arrays[f"{index}.values"], strict=True)), curves)
+    values = dict(zip(names["values"], arrays[f"{index}.values"], strict=True))
+    return Part(failed, lost, values, curves, names.get("death", ""))
 
 
 def _open(path: Path) -> tuple[dict[str, Any], bytes]:

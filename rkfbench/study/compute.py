@@ -19,7 +19,7 @@ from rkfbench.filters import Estimate
 from rkfbench.filters.particle import ParticleFilter, ParticleSmoother
 from rkfbench.linalg import LANES, Array
 from rkfbench.metrics import Metric, Trial
-from rkfbench.own.filters import OneByOne
+from rkfbench.own.onerun import OneByOne
 from rkfbench.streams import GROUP, Remembered, Streams
 from rkfbench.study.blocks import block_size
 from rkfbench.study.wide import Case, estimates, worlds
@@ -29,12 +29,15 @@ PORTIONED = (OneByOne, ParticleFilter, ParticleSmoother)  # they take a few runs
 
 @dataclass(frozen=True)
 class FilterResult:
-    """One filter on one block: which runs failed and were lost (M,), values by metric (M,), curves by metric (K, M)."""
+    """One filter on one block: which runs failed and were lost (M,), values by metric (M,), curves by metric (K, M),
+    and how the first of the failed runs died, where that is known.
+    """
 
     failed: NDArray[np.bool_]
     lost: NDArray[np.bool_]
     values: Mapping[str, Array]
     curves: Mapping[str, Array]
+    death: str = ""
 
 
 @dataclass(frozen=True)
@@ -181,4 +184,5 @@ def _reduce(case: Case, label: str, estimate: Estimate, others: Mapping[str, Est
         lost[:runs],
         {metric.name: value for metric, value in numbers.items() if not metric.curve},
         {metric.name: value for metric, value in numbers.items() if metric.curve},
+        estimate.death,
     )

@@ -75,11 +75,24 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class Died:
+    """Runs of a filter failed: all of a case, or some and it is known how the first one died."""
+
+    filter: str
+    failed: int
+    runs: int  # that were computed
+    first: str  # case, run, step and what happened; of a case that failed as a whole perhaps no more than its name
+
+    def __str__(self) -> str:
+        return f"{self.filter}: {self.failed} of {self.runs} runs failed; first: {self.first}"
+
+
+@dataclass(frozen=True)
 class Stopped:
     """The number of runs that was looked for is found, and why it is this."""
 
     text: str
 
 
-Event = Planned | Recomputing | Spoiled | Looped | BlockDone | CaseDone | Failure | Stopped
+Event = Planned | Recomputing | Spoiled | Looped | BlockDone | CaseDone | Failure | Died | Stopped
 Report = Callable[[Event], None]

@@ -105,7 +105,7 @@ def stream(job: Job) -> Iterator[Done]:
         return
     except InputChanged:  # no filter's fault: nothing more of this study can be computed
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # a plug-in ends no study
         reason = error
         if job.size == 1:
             fault = Fault(told(error), traceback.format_exc())
@@ -134,7 +134,7 @@ def _parts(job: Job) -> Iterator[tuple[str, list[Part]]]:
 
     def part(spec: Mapping[str, Any], of: FilterResult) -> Part:
         curves = {metric: curve(spec, metric, paths, of.failed) for metric, paths in of.curves.items()}
-        return Part(of.failed, of.lost, of.values, curves)
+        return Part(of.failed, of.lost, of.values, curves, of.death)
 
     for label, results in together(job.specs, job.seed, job.block, job.runs, job.labels):
         yield label, [part(spec, result) for spec, result in zip(job.specs, results, strict=True)]

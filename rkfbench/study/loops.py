@@ -38,7 +38,7 @@ def _times(unit: Unit, labels: Sequence[str]) -> Iterator[tuple[str, float, floa
     """Label, and seconds a run and step of the filter and of a batch filter."""
     from rkfbench.experiment import Experiment
     from rkfbench.filters import build
-    from rkfbench.own.filters import OneByOne
+    from rkfbench.own.onerun import OneByOne
     from rkfbench.streams import Streams
     from rkfbench.study.timing import seconds
 

@@ -13,6 +13,7 @@ from rkfbench import own
 from rkfbench.store import blocks
 from rkfbench.store.blocks import Part
 from rkfbench.study import loops, plan
+from rkfbench.study.deaths import Deaths
 from rkfbench.study.engines import Engine
 from rkfbench.study.events import BlockDone, CaseDone, Failure, Planned, Recomputing, Report
 from rkfbench.study.packing import packed
@@ -64,11 +65,13 @@ def _compute(
     jobs = packed([(unit, was.missing) for unit, was in wanted], scenario.seed, scenario.runs)
     if not jobs:
         return
+    deaths = Deaths()
     try:
         with closing(engine(jobs)) as arriving:  # ends what it has begun, whatever happens here
             for done in arriving:
                 for (i, label), part in done.parts.items():
                     drafts[i].add(label, part)
+                    deaths.add(i, plan.name(drafts[i].unit.cell), label, part)
                 for (i, label), fault in done.faults.items():
                     unit = drafts[i].unit
                     drafts[i].add(label, None)
@@ -89,6 +92,8 @@ def _compute(
     finally:
         for draft in drafts.values():
             draft.write()
+    for died in deaths.told():
+        report(died)
 
 
 class _Draft:

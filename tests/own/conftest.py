@@ -36,10 +36,60 @@ class stepwise:
         self.x, self.P = self.model.f(self.x, k), F @ self.P @ F.T + self.Q
 
     def update(self, y, k):
-        H = self.model.H(self.x, k)
-        S = H @ self.P @ H.T + self.R
+        seen = ~np.isnan(y)
+        H = self.model.H(self.x, k)[seen]
+        S = H @ self.P @ H.T + self.R[np.ix_(seen, seen)]
         K = gain(self.P, H, S)
-        self.x, self.P = self.x + K @ (y - self.model.h(self.x, k)), self.P - K @ S @ K.T
+        self.x, self.P = self.x + K @ (y - self.model.h(self.x, k))[seen], self.P - K @ S @ K.T
+
+
+class paced(stepwise):
+    """The same with the Q and R of the step."""
+
+    def predict(self, k, Q):
+        self.Q = Q
+        super().predict(k)
+
+    def update(self, y, k, R=None):
+        self.R = self.R if R is None else R
+        super().update(y, k)
+
+
+class naive(stepwise):
+    """It computes with what is missing."""
+
+    def update(self, y, k):
+        self.x = self.x + (y - self.model.h(self.x, k)).sum()
+
+
+class scalar(paced):
+    """What it calls nu is something else."""
+
+    nu, S = 4.0, None
+
+
+class halved(paced):
+    """It shows innovations of its own."""
+
+    def update(self, y, k, R=None):
+        H = self.model.H(self.x, k)
+        self.nu, self.S = (y - H @ self.x) / 2, H @ self.P @ H.T + self.R
+        super().update(y, k, R)
+
+
+def forgets(model, y, x0, P0, Q, R):
+    np.zeros((len(y), len(x0)))
+
+
+class leaves(stepwise):
+    def update(self, y, k):
+        raise SystemExit(3)
+
+
+class bare_dies(stepwise):
+    def update(self, y, k):
+        if k == 4:
+            np.linalg.inv(np.zeros((2, 2)))
 
 
 def whole(model, y, x0, P0, Q, R):

@@ -19,7 +19,7 @@ def here(tmp_path, monkeypatch):
 
 def test_the_catalogue_and_own_filters_pass(folder):
     result = rkfbench("check", "plugins.py:stepwise", "--set", "inflate=2")
-    assert (result.exit_code, result.stdout.count("7 checks passed")) == (0, 3), result.output
+    assert (result.exit_code, result.stdout.count("8 checks passed")) == (0, 3), result.output
     assert rkfbench("check", "hkf").exit_code == 0
 
 
@@ -47,7 +47,7 @@ def test_a_filter_is_tried_on_the_scenario_that_it_serves(folder, small):
     alone = rkfbench("check", "special:mine")
     assert (alone.exit_code, "special:mine on range_bearing, shapes: special:mine raised" in alone.stdout) == (1, True)
     on = rkfbench("check", "special:mine", "--on", small)
-    assert (on.exit_code, on.stdout) == (0, "special:mine on small: 7 checks passed\n")
+    assert (on.exit_code, on.stdout) == (0, "special:mine on small: 8 checks passed\n")
 
 
 @pytest.mark.parametrize(
@@ -82,6 +82,22 @@ def _writes(e, y, calls):
     return e.mean, e.cov, e.failed
 
 
+def test_random_numbers_of_the_run_and_missing_values_are_no_fault(folder):
+    assert list(contract.batches(contract.Subject(build("plugins:noisy"), contract.problems()[0]))) == []
+    csv = Path(__file__).parents[1] / "data/drive.csv"
+    (folder / "drive.yaml").write_text(
+        f"name: drive\ndata: {{measurements: {csv}}}\nmodel: {{kind: navigation, dt: 0.5, observed: [px, py]}}\n"
+        "assumed: {mean: [0, 0, 8, 3], cov: 1, process_cov: 0.1, measurement_cov: 1}\nfilters: [kf]\nmetrics: [nis]\n"
+    )
+    on = rkfbench("check", "plugins.py:paced", "--on", folder / "drive.yaml")
+    assert (on.exit_code, on.stdout) == (0, "plugins.py:paced on drive: 8 checks passed\n")
+
+
+def test_a_single_missing_component_is_tried(folder):
+    found = list(contract.missing(contract.Subject(build("plugins:naive"), contract.problems()[0])))
+    assert found == ["a missing component (NaN in y) makes every run fail: use those where np.isfinite(y)"]
+
+
 @pytest.mark.parametrize(
     ("check", "change", "message"),
     [
@@ -101,6 +117,11 @@ def _writes(e, y, calls):
         (contract.missing, lambda e, y, calls: (e.mean + 1, e.cov, e.failed), "mean is not the predicted one"),
         (contract.missing, lambda e, y, calls: (e.mean, 2 * e.cov, e.failed), "covariance is not the predicted one"),
         (contract.inputs, _writes, "changes its argument y"),
+        (
+            contract.stepped,
+            lambda e, y, calls: (e.mean + calls, e.cov, e.failed),
+            "give other estimates than told once",
+        ),
         (contract.randomness, lambda e, y, calls: (e.mean + calls, e.cov, e.failed), "run again on the same data"),
     ],
 )
@@ -138,7 +159,7 @@ def test_check_tries_the_limits_that_a_filter_declares(folder):
 def test_a_new_filter_passes_and_runs(options):
     assert rkfbench("new", "filter", "mine", *options).stdout == "mine.py\nmine.yaml\n"
     checked = rkfbench("check", "mine.py:mine")
-    assert (checked.exit_code, checked.stdout.count("7 checks passed")) == (0, 3), checked.output
+    assert (checked.exit_code, checked.stdout.count("8 checks passed")) == (0, 3), checked.output
     ran = rkfbench("run", "mine.yaml", "--runs", "5", "--out", "r")
     assert ran.exit_code == 0, ran.output
     assert "| KF | HKF | mine |" in Path("r/tables/errors.md").read_text()

@@ -6,8 +6,9 @@ import pytest
 from rkfbench.errors import SpecError
 from rkfbench.filters import build
 from rkfbench.own.faults import PluginFault, told
+from rkfbench.own.onerun import innovation
 from rkfbench.streams import Streams
-from tests.problems import linear_problem
+from tests.problems import Bent, linear_problem, spd
 
 FORMS = ("stepwise", "whole", "batch")
 
@@ -39,6 +40,61 @@ def test_the_prior_is_kept_where_it_is_asked_for(folder, problem):
     )
     np.testing.assert_allclose(mine.extras["prior_mean"], kf.extras["prior_mean"], atol=1e-10)
     np.testing.assert_allclose(mine.extras["prior_cov"][..., 1], kf.extras["prior_cov"][..., 0], atol=1e-10)
+
+
+def test_innovations_are_formed_from_what_is_predicted(folder, problem):
+    problem.y[4] = np.nan
+    problem.y[6, 1, 2:] = np.nan
+    keep = ("cov", "nu", "S")
+    mine, kf = (
+        build(name).run(problem.model, problem.y, **problem.told, keep=keep) for name in ("plugins:stepwise", "kf")
+    )
+    for name in ("nu", "S"):
+        expected = np.broadcast_to(kf.extras[name], mine.extras[name].shape)
+        np.testing.assert_allclose(mine.extras[name], expected, atol=1e-10)
+
+
+def test_a_filter_that_has_nu_and_S_of_their_shapes_is_believed(folder, problem):
+    def nu(name):
+        return build(name).run(problem.model, problem.y, **problem.told, keep=("nu", "S")).extras["nu"]
+
+    np.testing.assert_allclose(2 * nu("plugins:halved"), nu("plugins:stepwise"), atol=1e-10)
+    np.testing.assert_array_equal(nu("plugins:scalar"), nu("plugins:paced"))
+
+
+def test_S_of_a_model_without_H_is_that_of_its_slope():
+    model = Bent()
+
+    class Without:
+        measurements, h, residual = model.measurements, model.h, model.residual
+
+    x, P = np.array([0.3, -0.4, 0.8]), spd(3, 1)
+    one, other = (innovation(each, x, P, np.array([3.0]), 1, np.eye(1)) for each in (model, Without()))
+    np.testing.assert_allclose(other["S"], one["S"], rtol=1e-8)
+    np.testing.assert_array_equal(other["nu"], one["nu"])
+
+
+def test_a_filter_is_given_the_Q_and_R_of_the_step(folder, problem):
+    scale = 1 + np.arange(12)[:, None, None, None] % 3
+    told = {**problem.told, "Q": problem.Q[None, ..., None] * scale, "R": problem.R[None, ..., None] * scale[::-1]}
+    mine, kf = (build(name).run(problem.model, problem.y, **told) for name in ("plugins:paced", "kf"))
+    np.testing.assert_allclose(mine.mean, kf.mean, atol=1e-9)
+    for name, message in (("stepwise", r"predict\(self, k, Q\)"), ("whole", "a function of a whole run")):
+        with pytest.raises(SpecError, match=f"Q changes with time here, .*{message}"):
+            build(f"plugins:{name}").run(problem.model, problem.y, **told)
+
+
+def test_how_the_first_run_died_is_kept(folder, problem):
+    def death(name, y):
+        return build(name).run(problem.model, y, **problem.told, streams=Streams(0, first=1)).death
+
+    whole = problem.y.copy()
+    problem.y[5, 1, 3] = np.nan
+    assert death("plugins:bare_dies", whole).startswith(
+        "run 128, step 4: LinAlgError: Singular matrix (plugins.py, line"
+    )
+    assert death("plugins:naive", problem.y).startswith("run 131, step 6: x is not finite (y has missing components")
+    assert death("plugins:stepwise", problem.y) == ""
 
 
 def test_parameters_come_from_the_signature(folder):
@@ -81,6 +137,8 @@ def test_what_makes_no_filter_is_told_where_it_stands(folder, spec, path, messag
             r"plugins:raises raised ValueError in run 3, step 5: no such thing \(plugins.py, line \d+\)",
         ),
         ("plugins:grows", r"plugins:grows has x of shape \(5,\) in run 0, step 1, expected \(4,\)"),
+        ("plugins:forgets", r"plugins:forgets in run 0 returned None, expected means \(12, 4\)"),
+        ("plugins:leaves", r"plugins:leaves raised SystemExit in run 0, step 1: 3 \(plugins.py, line \d+\)"),
         ("plugins:transposed", r"plugins:transposed in run 0 returned means of shape \(4, 12\), expected \(12, 4\)"),
         ({"use": "plugins:Batch"}, "plugins:Batch changes its argument x0"),
         ({"use": "plugins:Batch", "fault": "array"}, "returned a ndarray, not an rkfbench.filters.Estimate"),

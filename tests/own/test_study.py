@@ -245,3 +245,67 @@ def test_studies_with_plugins_of_their_own_do_not_disturb_each_other(scenario, t
         for name in ("plugins.py", "helper.py"):
             assert (folder / "plugins" / name).read_text() == (source.parent / name).read_text()
         assert (folder / "summary.csv").exists()
+
+
+RECORDED = """\
+name: drive
+data: {measurements: drive.csv, time: t}
+model: {kind: navigation, dt: 0.5, observed: [px, py]}
+assumed: {mean: [0, 0, 8, 3], cov: 1, process_cov: 0.1, measurement_cov: 1}
+filters: [kf, plugins:paced]
+metrics: [nis, whiteness, log_likelihood]
+"""
+
+
+@pytest.fixture
+def recorded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A scenario with two recordings: irregular times, single missing components, no truth."""
+    monkeypatch.chdir(folder)
+    (folder / "drive.csv").write_text((Path(__file__).parents[1] / "data/drive.csv").read_text())
+    path = folder / "drive.yaml"
+    path.write_text(RECORDED)
+    return path
+
+
+def test_an_own_filter_is_measured_on_a_recording_without_a_truth(recorded):
+    assert rkfbench("run", recorded).exit_code == 0
+    results = Results.open("results/drive")
+    for metric in ("nis", "whiteness", "log_likelihood"):
+        kf, mine = (results.values("default", "", label, metric) for label in ("kf", "paced"))
+        assert mine == pytest.approx(kf, rel=1e-9)
+
+
+def test_a_filter_that_cannot_follow_irregular_times_is_refused_at_its_line(recorded):
+    recorded.write_text(RECORDED.replace("paced", "stepwise"))
+    result = rkfbench("validate", recorded)
+    assert result.exit_code == 2
+    assert "drive.yaml:5:15: filters.stepwise: Q changes with time here" in result.stderr
+
+
+def test_what_an_own_filter_does_not_have_is_said_and_nothing_at_all_is_refused(recorded):
+    regular = RECORDED.replace(", time: t", "")
+    recorded.write_text(regular.replace("paced", "whole"))
+    for command in ("validate", "run"):
+        result = rkfbench(command, recorded)
+        assert result.exit_code == 0
+        assert "drive: whole has no nu, S: nis, whiteness, log_likelihood not measured" in result.stderr
+    recorded.write_text(regular.replace("kf, plugins:paced", "plugins:whole"))
+    result = rkfbench("validate", recorded)
+    assert (result.exit_code, "nothing would be measured: whole has no nu, S" in result.stderr) == (2, True)
+    assert "not measured" not in rkfbench("validate", Path(__file__).parents[1] / "data/drive.yaml").stderr
+
+
+def test_runs_that_failed_are_counted_and_the_first_is_told(recorded):
+    recorded.write_text(RECORDED.replace(", time: t", "").replace("paced", "naive"))
+    result = rkfbench("run", recorded)
+    assert result.exit_code == 0
+    (line,) = (line for line in result.stderr.splitlines() if "failed" in line)
+    assert line.startswith("drive: naive: 2 of 2 runs failed; first: the only case (default), run 0, step ")
+    assert "x is not finite (y has missing components, NaN: use those where np.isfinite(y))" in line
+
+
+def test_a_plugin_that_leaves_python_is_a_failure_of_its_own(scenario):
+    scenario.write_text(OWN.replace("plugins:whole", "plugins:leaves"))
+    result = rkfbench("run", scenario)
+    assert result.exit_code == 1
+    assert "plugins:leaves raised SystemExit in run 0, step 1: 3 (plugins.py, line " in result.stderr
