@@ -162,7 +162,7 @@ Check = Callable[[Subject], Iterator[str]]
 def shapes(subject: Subject) -> Iterator[str]:
     """Means (T, n, M), one `failed` a run, and numbers in every run that has not failed."""
     result = subject.estimate()
-    n, M = subject.problem.world.x.shape[1], subject.runs
+    n, M = len(subject.problem.experiment.model.states), subject.runs
     if result.mean.shape[1:] != (n, M):
         yield f"its means have shape {result.mean.shape}, expected (T, {n}, {M})"
     elif result.failed.shape != (M,):
@@ -214,7 +214,9 @@ def alone(subject: Subject) -> Iterator[str]:
     broken[2:, :, hit] = np.inf
     base, hurt = subject.estimate(), subject.estimate(y=broken)
     others = np.arange(subject.runs) != hit
-    if not np.array_equal(hurt.mean[..., others], base.mean[..., others], equal_nan=True):
+    # with missing components runs go in portions of any width, which round differently
+    rounding = 1e-9 if np.isnan(subject.y).any() else 0.0
+    if not np.allclose(hurt.mean[..., others], base.mean[..., others], rounding, rounding, equal_nan=True):
         yield "infinite measurements of one run change the estimates of others"
     if not hurt.failed[hit] and not np.isfinite(hurt.mean[..., hit]).all():
         yield "a run whose estimates are not finite is not marked as failed"

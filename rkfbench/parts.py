@@ -77,6 +77,9 @@ def models_of(spec: Mapping[str, Any]) -> tuple[Model, Model]:
     """The model of the truth and the one of the filters, which may be told nothing of a known input."""
     known = spec.get("input")
     with under("model"):
+        dt = spec["model"].get("dt") if isinstance(spec["model"], Mapping) else None
+        if isinstance(dt, float) and not np.isfinite(dt):
+            raise SpecError(f"a time step must be finite, not {dt}", ["dt"])
         if known is None or not isinstance(spec["model"], Mapping):  # no mapping: told by the catalogue
             return (model := models.build(spec["model"])), model
         return models.build({**spec["model"], "u": known["value"]}), models.build(

@@ -412,3 +412,8 @@ def test_a_model_of_irregular_times_has_no_constant_matrices(drive: Path) -> Non
         _ = experiment.assumed_model.matrices
     with pytest.raises(UsageError, match="no such file"):
         recording.read({"measurements": "nowhere.csv"}, ["px"], [])
+
+
+def test_an_infinite_time_step_is_refused(drive: Path) -> None:
+    drive.write_text(SCENARIO.replace("dt: 0.5", "dt: .inf"))
+    assert "drive.yaml:3:31: model.dt: a time step must be finite, not inf" in problems(drive)[0]

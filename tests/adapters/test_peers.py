@@ -73,6 +73,28 @@ def test_means_and_covariances_are_ours_with_missing_components_and_a_changing_m
 
 @pytest.mark.parametrize("library", LIBRARIES)
 @pytest.mark.parametrize("name", ["kf", "ekf", "ukf"])
+def test_covariances_that_change_with_time_and_innovations_are_ours(library, name):
+    rng = np.random.default_rng(4)
+    model = model_of({"kind": "range_bearing"} if name != "kf" else {"kind": "navigation", "observed": ["px", "vx"]})
+    n, scale = len(model.states), 1 + np.arange(15)[:, None, None, None] % 3
+    y = rng.normal(0, 0.1, (15, 2, 3)) + (model.h(np.full(n, 50.0), 1)[:, None] if name != "kf" else 0.0)
+    y[rng.random(y.shape) < 0.2] = np.nan
+    told = {"x0": np.full(n, 50.0 if name != "kf" else 0.0), "P0": np.eye(n)}
+    told |= {"Q": 0.1 * np.eye(n)[None, ..., None] * scale, "R": np.diag([0.5, 0.006])[None, ..., None] * scale}
+    keep = ("cov", "nu", "S")
+    ours, theirs = (
+        build(each).run(model, y, **told, keep=keep) for each in (name, f"rkfbench.adapters.{library}:{name}")
+    )
+    np.testing.assert_allclose(theirs.mean, ours.mean, rtol=1e-9, atol=1e-9)
+    for each in ("nu", "S"):
+        there = ~np.isnan(theirs.extras[each])
+        expected = np.broadcast_to(ours.extras[each], there.shape)
+        np.testing.assert_array_equal(there, ~np.isnan(expected))
+        np.testing.assert_allclose(theirs.extras[each], expected, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("name", ["kf", "ekf", "ukf"])
 def test_they_keep_the_contract(library, name):
     filt = build(f"rkfbench.adapters.{library}:{name}")
     served = [problem for problem in contract.problems() if problem.serves(filt)]

@@ -26,6 +26,13 @@ def test_two_axes_apart_are_the_whole(spec):
     assert b.target == a.target
 
 
+def test_covariances_told_for_each_step_are_divided():
+    told = {**TOLD, "Q": np.repeat(TOLD["Q"][None, ..., None], 30, axis=0)}
+    apart = build("decoupled", filter="kf", parts=AXES)
+    one, other = (apart.run(Navigation(), Y, **each) for each in (TOLD, told))
+    np.testing.assert_allclose(other.mean, one.mean, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("parts", "message"),
     [

@@ -91,6 +91,7 @@ def test_random_numbers_of_the_run_and_missing_values_are_no_fault(folder):
     )
     on = rkfbench("check", "plugins.py:paced", "--on", folder / "drive.yaml")
     assert (on.exit_code, on.stdout) == (0, "plugins.py:paced on drive: 8 checks passed\n")
+    assert rkfbench("check", "kf", "--on", folder / "drive.yaml").exit_code == 0
 
 
 def test_a_single_missing_component_is_tried(folder):
