@@ -21,7 +21,7 @@ from rkfbench.experiment import Experiment, World
 from rkfbench.filters import Estimate, Filter, build
 from rkfbench.linalg import Array
 from rkfbench.own.onerun import OneByOne
-from rkfbench.parts import Told
+from rkfbench.parts import Told, check_told
 from rkfbench.streams import GROUP, Streams
 
 STEPS = 12  # of a scenario that are tried
@@ -288,6 +288,15 @@ def stepped(subject: Subject) -> Iterator[str]:
         return
     if not np.allclose(result.mean, base.mean, rtol=1e-6, atol=1e-6, equal_nan=True):
         yield "a Q and R told for each step, (T, n, n, 1) and (T, m, m, 1), give other estimates than told once"
+
+
+def limits_of(filt: Any, problem: Problem) -> Iterator[str]:
+    """What a filter may well lack, but its author should know: a place for a Q that changes with time."""
+    told = problem.experiment.told
+    try:
+        check_told(filt, replace(told, Q=told.Q[None, ..., None]))
+    except SpecError as error:
+        yield f"not for recordings with irregular times: {error}"
 
 
 CHECKS: tuple[Check, ...] = (shapes, covariances, batches, alone, missing, inputs, randomness, stepped)

@@ -73,7 +73,10 @@ def intervals_of(model: Model, recorded: Recording | None) -> Array | None:
                 raise SpecError(f"the recorded time advances by {low:g}, but the model's dt is {dt:g}")
             return None
         if dt is None or not has_dt(model):
-            raise SpecError(f"the recorded time advances by {low:g} to {high:g}, and this model has no dt to follow it")
+            raise SpecError(
+                f"the recorded time advances by {low:g} to {high:g}, and this model has no dt to follow it: an own one "
+                "must be a dataclass with a field `dt`, which f and F compute with"
+            )
         if (np.ptp(steps, axis=1) > recording.JITTER * high).any():
             raise SpecError("the runs have different irregular times: give each a scenario of its own")
         if not low * (1 - recording.JITTER) <= dt <= high * (1 + recording.JITTER):

@@ -60,6 +60,8 @@ def check(
         params[key.strip()] = plain(parse_value(value, Mark(f"--set {option}")))
     make = partial(build, known_as, **params)
     results = list(contract.results(make, entry.limits, "streams" in entry.needs, on_problems))
+    for limit in contract.limits_of(make(), on_problems[0]):
+        terminal.note(f"{known_as}: {limit}")
     findings = [(each, text) for each in results for text in each.findings]
     if terminal.json:
         terminal.object([vars(each) for each in results])

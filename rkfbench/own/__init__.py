@@ -13,6 +13,7 @@ A plug-in is named wherever a catalogue name may stand:
     filters   the batch-last interface guarded
     onerun    the one-run interface looped over the runs
     parts     models, noise laws, robust weights and metrics
+    draws     the random numbers of an own noise law
     faults    which plug-in an exception came from
 """
 

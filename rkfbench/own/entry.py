@@ -62,7 +62,7 @@ def _entry(group: str, name: str, target: Any) -> Entry:
             raise
         except SpecError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise SpecError(f"{name} raised {type(error).__name__}: {error}") from error
 
     make.__name__ = names.short(name)

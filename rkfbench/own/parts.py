@@ -1,12 +1,58 @@
 """Own models, noise laws, robust weights and metrics: what each must be, tried on a small example before anything runs.
 
-model    a class (best derived from rkfbench.models.base.Smooth or Linear) with states, measurements, f and h, and F
-         and H where a filter wants Jacobians
-noise    a class or function with a parameter `dim`, making an object with cov (dim, dim) and sample(draw, steps),
-         which draws from `draw` (normal, uniform, exponential) an array (steps, dim, draw.runs), or a Sample
-weight   a function of nu, e, R, Szz, or a class that makes one: the inflated R' (m, m, M), or a Weighted
-metric   a function of trial and states: the quantity at each step of each run (T, M); or of no trial, making the
-         parts of a metric as the catalogue's do
+A model is a class with states, measurements, f and h, best derived from rkfbench.models.base.Smooth or Linear. x has
+the states on its first axis and any axes behind it. Filters that linearise want F (n, n) or (n, n, M), and H. On
+recordings with irregular times it must be a dataclass with a field `dt`, which f and F compute with: it is replaced
+step by step.
+
+    @dataclass(frozen=True)
+    class Pendulum(Smooth):
+        '''Angle and rate of a pendulum, seen from the side.'''
+
+        dt: Annotated[float, Gt(0), "time step"] = 0.1
+        states = ("angle", "rate")
+        measurements = ("swing",)
+
+        def f(self, x, k):
+            return np.array([x[0] + self.dt * x[1], x[1] - self.dt * np.sin(x[0])])
+
+        def h(self, x, k):
+            return np.sin(x[:1])
+
+        def F(self, x, k):
+            one = np.ones_like(x[0])
+            return np.array([[one, self.dt * one], [-self.dt * np.cos(x[0]), one]])
+
+        def H(self, x, k):
+            return np.array([[np.cos(x[0]), 0 * x[0]]])
+
+A noise law is a class or function with a parameter `dim`, making an object with cov (dim, dim) and sample(draw, steps),
+the noise (steps, dim, draw.runs) or a Sample. All chance comes from draw.normal, draw.uniform and draw.exponential
+(purpose, *shape), which give (*shape, draw.runs). The purpose is any word; each word is drawn once, as it always gives
+the same numbers. draw.within("part") has words of its own.
+
+    class Uniform:
+        '''Uniform on [-half, half], component by component.'''
+
+        def __init__(self, dim, half=1.0):
+            self.dim, self.half, self.cov = dim, half, half**2 / 3 * np.eye(dim)
+
+        def sample(self, draw, steps):
+            return self.half * (2 * draw.uniform("value", steps, self.dim) - 1)
+
+A metric is a function of trial and states (indices): the quantity at each step of each run (T, M), reduced to its mean
+over the steps. Of a trial there are estimate.mean (T, n, M), estimate.cov (T, n, n, M or 1), estimate.failed (M,) and
+estimate.extras, the histories that the function's `keep` names (prior_mean, prior_cov, nu, S, ...); truth() (T, n, M);
+world.y (T, m, M); experiment.model and experiment.told with P0, Q and R. One with `needs = {"truth"}` is refused where
+there is no truth. A function of no trial makes the parts of a metric as those of the catalogue do.
+
+    def worst(trial, states):
+        '''Largest absolute error of the states asked for.'''
+        return np.abs(trial.estimate.mean[:, states] - trial.truth()[:, states]).max(1)
+
+    worst.needs = {"truth"}
+
+A robust weight is a function of nu, e, R, Szz, or a class that makes one: the inflated R' (m, m, M), or a Weighted.
 """
 
 from __future__ import annotations
@@ -20,11 +66,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rkfbench.errors import SpecError
+from rkfbench.filters.base import Estimate
 from rkfbench.filters.weights import Weighted
 from rkfbench.linalg import Array, mul
 from rkfbench.metrics.base import Metric, Trial
 from rkfbench.noise import Law, Sample
-from rkfbench.own.faults import PluginFault
+from rkfbench.own.draws import Draws
+from rkfbench.own.faults import PluginFault, said
 from rkfbench.streams import Streams
 
 Adapted = tuple[Callable[[Mapping[str, Any]], Any], tuple[str, ...]]
@@ -39,7 +87,7 @@ def _tried(name: str, what: str, function: Callable[..., Any], *arguments: Any) 
             return function(*arguments)
     except SpecError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SpecError(f"{what} of {name} raised {type(error).__name__}: {error}") from error
 
 
@@ -147,7 +195,7 @@ class OwnLaw:
 
     def sample(self, draw: Streams, steps: int) -> Sample:
         """Noise of `steps` steps for the runs of the stream."""
-        drawn = self.law.sample(draw, steps)
+        drawn = self.law.sample(Draws(draw, self.name), steps)
         sample = drawn if isinstance(drawn, Sample) else Sample(np.asarray(drawn, dtype=float), self._no_record)
         if sample.value.shape != (steps, self.dim, draw.runs):
             expected = (steps, self.dim, draw.runs)
@@ -243,6 +291,7 @@ class OwnQuantity:
     function: Callable[..., Any]
     params: tuple[tuple[str, Any], ...]
     keep: frozenset[str]
+    own: ClassVar[bool] = True
     partners: ClassVar[Mapping[str, frozenset[str]]] = MappingProxyType({})
 
     def steps(self, T: int) -> NDArray[np.intp]:
@@ -255,3 +304,34 @@ class OwnQuantity:
         if values.shape != (T, M):
             raise PluginFault(f"{self.name} returned shape {values.shape}, expected {(T, M)}: a value a step and run")
         return values
+
+
+def try_metric(metric: Metric, experiment: Any) -> None:
+    """SpecError if an own function of a trial raises, or answers in a wrong shape, on a few runs of an experiment with
+    made-up estimates. One that needs histories other than those of every recursive filter is not tried.
+    """
+    if not isinstance(metric.quantity, OwnQuantity):
+        return
+    try:
+        world = experiment.simulate(Streams(0)).of(slice(SAMPLES))
+    except Exception:  # of a law or a model, not of the metric: told when the study runs
+        return
+    told, (T, m, M) = experiment.told, world.y.shape
+    n = len(told.mean)
+    mean, P = np.repeat(told.mean[None, :, None], T, axis=0), told.P0[None, ..., None]
+    shapes = {"prior_mean": (n,), "prior_cov": (n, n), "nu": (m,), "S": (m, m)}
+    if metric.quantity.keep - shapes.keys() - {"cov"}:
+        return
+    ones = {name: np.eye(*shape) if len(shape) == 2 else np.ones(shape) for name, shape in shapes.items()}
+    extras = {name: np.tile(ones[name][None, ..., None], M).repeat(T, 0) for name in metric.quantity.keep - {"cov"}}
+    estimate = Estimate(np.repeat(mean, M, axis=-1), np.repeat(P, T, axis=0), np.zeros(M, dtype=bool), extras)
+    filt = next((filt for filt, _ in experiment.filters.values()), None)
+    try:
+        metric(Trial(experiment, world, filt, estimate))
+    except PluginFault as fault:
+        raise SpecError(str(fault)) from fault
+    except (Exception, SystemExit) as error:
+        raise SpecError(
+            f"{metric.quantity.name} raised {said(error)}, tried on {M} runs "
+            "(rkfbench/own/parts.py says what a trial has)"
+        ) from error

@@ -27,6 +27,7 @@ class Checker:
 
     def __init__(self) -> None:
         self._listed: dict[int, tuple[Seq, Seq, list[Any]]] = {}
+        self._tried: set[str] = set()
 
     def __call__(self, spec: Map, whole: bool = True) -> tuple[Map, dict[str, Any] | None, list[SpecError]]:
         """The cell with its filters one by one, the same as plain data with every default, and what is wrong with it.
@@ -47,9 +48,19 @@ class Checker:
             return spec, None, faults
         completed = completed_kinds(spec) | {"filters": filters}
         data: dict[str, Any] = plain(shape.model_dump(exclude=completed.keys())) | completed
-        if whole:
-            attempt(faults, lambda: Made.of(data))
+        made = attempt(faults, lambda: Made.of(data)) if whole else None
+        if made is not None:
+            self._try_metrics(made, faults)
         return spec, None if faults else data, faults
+
+    def _try_metrics(self, made: Made, faults: list[SpecError]) -> None:
+        """Own metrics, each tried in the first cell that has it."""
+        for i, metric in enumerate(made.metrics):
+            if metric.name not in self._tried and getattr(metric.quantity, "own", False):
+                from rkfbench.own.parts import try_metric
+
+                attempt(faults, lambda: try_metric(metric, made), "metrics", i)  # noqa: B023
+            self._tried.add(metric.name)
 
     def _filters(self, written: Seq) -> tuple[Seq, list[Any]]:
         """The filters one by one, with marks and as plain data with defaults; once for all cells that share them."""

@@ -243,6 +243,22 @@ class wild(student):
         return np.random.default_rng().standard_normal((steps, self.dim, draw.runs))
 
 
+class shaped(student):
+    def sample(self, draw, steps):
+        return draw.normal((steps, self.dim))
+
+
+class twice(student):
+    def sample(self, draw, steps):
+        return draw.normal("value", steps, self.dim) + draw.uniform("value", steps, self.dim)
+
+
+class in_parts(student):
+    def sample(self, draw, steps):
+        one, two = (draw.within(part).normal("value", steps, self.dim) for part in "ab")
+        return one - two
+
+
 class narrow(student):
     def sample(self, draw, steps):
         return draw.normal("normal", steps)
@@ -277,6 +293,19 @@ spread.keep = {"cov"}
 
 def short(trial, states):
     return np.zeros(3)
+
+
+def lost(trial, states):
+    return trial.errors
+
+
+def likely(trial, states):
+    nu, S = (np.moveaxis(trial.estimate.extras[name], -1, 1) for name in ("nu", "S"))
+    e = np.linalg.solve(np.broadcast_to(S, (*nu.shape, nu.shape[-1])), nu[..., None])
+    return e[..., 0].sum(-1)
+
+
+likely.keep = {"nu", "S"}
 '''
 HELPER = """\
 import numpy as np

@@ -20,7 +20,9 @@ def here(tmp_path, monkeypatch):
 def test_the_catalogue_and_own_filters_pass(folder):
     result = rkfbench("check", "plugins.py:stepwise", "--set", "inflate=2")
     assert (result.exit_code, result.stdout.count("8 checks passed")) == (0, 3), result.output
-    assert rkfbench("check", "hkf").exit_code == 0
+    assert "not for recordings with irregular times: Q changes with time here, and predict of" in result.stderr
+    hkf, paced = rkfbench("check", "hkf"), rkfbench("check", "plugins.py:paced")
+    assert [(each.exit_code, "irregular" in each.stderr) for each in (hkf, paced)] == [(0, False)] * 2
 
 
 def test_findings_are_sentences_and_the_exit_code_is_one(folder):

@@ -1,16 +1,22 @@
 """Own models, noise laws, robust weights and metrics, by themselves and in an experiment."""
 
+import re
+import textwrap
+
 import numpy as np
 import pytest
 
 from rkfbench import metrics, models, noise
 from rkfbench.errors import SpecError
 from rkfbench.filters import build
+from rkfbench.own import parts
 from rkfbench.own.faults import PluginFault
+from rkfbench.store import Results
 from rkfbench.streams import Streams
 from rkfbench.study.compute import compute
 from tests.contract import SPECS
 from tests.problems import linear_problem
+from tests.test_cli import rkfbench
 
 SPEC = {**SPECS["navigation"], "filters": [{"label": "kf", "use": "kf"}]}
 
@@ -51,10 +57,17 @@ def test_a_law_is_used_like_any_other_also_as_a_body(folder):
     assert noise.build(mixed, 2).sample(Streams(1), 5).value.shape == (5, 2, 128)
 
 
+def test_parts_of_a_law_have_draws_of_their_own(folder):
+    value = noise.build({"kind": "plugins:in_parts"}, 2).sample(Streams(1), 50).value
+    assert value.std() > 1
+
+
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
         ("plugins:wild", "gives other values each time"),
+        ("plugins:shaped", r"draw.normal\(\(2, 2\)\): first comes a purpose, .*: draw.normal\('value', steps, dim\)"),
+        ("plugins:twice", "draws the purpose 'value' twice, which gives the same random numbers"),
         ("plugins:narrow", r"sample of plugins:narrow has shape \(2, 128\), expected \(2, 2, 128\)"),
         ("plugins:lopsided", "not a covariance"),
         ("plugins:whole", "no parameter `dim`"),
@@ -109,3 +122,65 @@ def test_what_makes_no_metric_is_told(folder, name):
 def test_a_metric_of_the_wrong_shape_is_told(folder):
     with pytest.raises(PluginFault, match=r"plugins:short returned shape \(3,\), expected \(12, 128\)"):
         compute({**SPEC, "metrics": ["plugins:short"]}, 1, 0, 128, ["kf"])
+
+
+EXAMPLES = """\
+name: examples
+seed: 1
+runs: {paper: 8, reference: 8}
+steps: 20
+model: {kind: examples:Pendulum, dt: 0.2}
+start: {truth: [1, 0]}
+measurement_noise: {kind: examples:Uniform, half: 0.5}
+assumed: {mean: [0, 0], cov: 1, process_cov: 0.01}
+filters: [ekf, ckf]
+metrics: [rmse, examples:worst, "examples:worst[rate]"]
+"""
+
+
+def test_the_examples_of_the_docstring_work(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    blocks = re.findall(r"(?m)(?:^    .*\n|^\n(?=    ))+", parts.__doc__)
+    head = (
+        "from dataclasses import dataclass\nfrom typing import Annotated\n\nimport numpy as np\n"
+        "from annotated_types import Gt\nfrom rkfbench.models.base import Smooth\n\n"
+    )
+    (folder / "examples.py").write_text(head + "\n".join(textwrap.dedent(each) for each in blocks))
+    (folder / "examples.yaml").write_text(EXAMPLES)
+    result = rkfbench("run", "examples.yaml")
+    assert result.exit_code == 0, result.output
+    rows = Results.open("results/examples").summary
+    assert {row["metric"] for row in rows} == {"rmse", "examples:worst", "examples:worst[rate]"}
+    irregular = "data: {measurements: swing.csv, time: t}\n"
+    (folder / "swing.csv").write_text("t,swing\n0,0.1\n0.2,0.2\n0.5,0.1\n")
+    recorded = re.sub("(?m)^(seed|runs|steps|start|measurement_noise):.*\n", "", EXAMPLES)
+    recorded = recorded.replace("0.01", "0.01, measurement_cov: 0.1").replace(
+        'rmse, examples:worst, "examples:worst[rate]"', "nis"
+    )
+    (folder / "swing.yaml").write_text(recorded + irregular)
+    assert rkfbench("run", "swing.yaml").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("metric", "message"),
+    [
+        ("lost", "raised AttributeError: 'Trial' object has no attribute 'errors' (plugins.py, line "),
+        ("short", "returned shape (3,), expected (12, 3): a value a step and run"),
+    ],
+)
+def test_an_own_metric_is_tried_before_anything_runs(folder, small, metric, message):
+    path = folder / "small.yaml"
+    path.write_text(small.read_text().replace("metrics: [", f"metrics: [plugins:likely, plugins:{metric}, "))
+    result = rkfbench("validate", path)
+    assert result.exit_code == 2
+    assert result.stderr.count(f"plugins:{metric} {message}") == 1
+
+
+def test_a_model_that_cannot_follow_irregular_times_is_told_how(folder):
+    (folder / "m.csv").write_text("t,c\n0,1\n1,1\n3,1\n")
+    (folder / "walk.yaml").write_text(
+        "name: walk\ndata: {measurements: m.csv, time: t}\nmodel: {kind: plugins:Walk}\n"
+        "assumed: {mean: [0, 0], cov: 1, process_cov: 1, measurement_cov: 1}\nfilters: [ekf]\nmetrics: [nis]\n"
+    )
+    result = rkfbench("validate", folder / "walk.yaml")
+    assert (result.exit_code, "must be a dataclass with a field `dt`" in result.stderr) == (2, True)
