@@ -249,13 +249,11 @@ def check_measured(wanted: Sequence[Metric], built: Mapping[str, Any]) -> None:
 
 def unmeasured(label: str, filt: Any, wanted: Sequence[Metric], whole: bool = False) -> str:
     """`clipped has no nu, S: nis, whiteness not measured`, or nothing. whole: only if not a single metric is left."""
-    left = [metric for metric in wanted if metrics.applies(metric, filt)]
-    if len(left) == len(wanted) or (whole and left):
+    missing = {metric.name: each for metric in wanted if (each := metrics.lacking(metric, filt))}
+    if not missing or (whole and any(metrics.applies(metric, filt) for metric in wanted)):
         return ""
-    missing = {metric.name: metrics.lacking(metric, filt) for metric in wanted if metric not in left}
     histories = dict.fromkeys(name for each in missing.values() for name in sorted(each, reverse=True))
-    has = f" has no {', '.join(histories)}" if histories else ""
-    return f"{label}{has}: {', '.join(missing)} not measured"
+    return f"{label} has no {', '.join(histories)}: {', '.join(missing)} not measured"
 
 
 def lost_of(spec: Mapping[str, Any] | None, model: Model, steps: int) -> Lost | None:

@@ -12,6 +12,7 @@ from rkfbench.experiment import Experiment as Made
 from rkfbench.filters import build as build_filter
 from rkfbench.models import truths
 from rkfbench.noise import disturbances
+from rkfbench.parts import check_measured
 from rkfbench.scenario.attached import faults as required
 from rkfbench.scenario.attached import with_steps
 from rkfbench.scenario.defaults import completed_filter, completed_kinds
@@ -50,6 +51,7 @@ class Checker:
         data: dict[str, Any] = plain(shape.model_dump(exclude=completed.keys())) | completed
         made = attempt(faults, lambda: Made.of(data)) if whole else None
         if made is not None:
+            attempt(faults, lambda: check_measured(made.metrics, made.filters))
             self._try_metrics(made, faults)
         return spec, None if faults else data, faults
 

@@ -100,6 +100,7 @@ class Compute:
             curve = values * np.arange(1.0, spec["steps"] + 1)[:, None]
             filters[label] = SimpleNamespace(
                 failed=failed,
+                death="",
                 lost=np.array([run == 0 for run in mine]),
                 values={"rmse": values, "pooled_rmse": values},
                 curves={"rmse": curve},
