@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -112,6 +113,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Compute:
     """Put the fakes in the place of the compute part."""
     import rkfbench.metrics
 
+    @lru_cache
     def metric(name: str) -> Any:
         statistic = "root_mean" if name.startswith("pooled") else "mean"
         quantity = SimpleNamespace(partners=("kf",) if name == "beside_kf" else ())
