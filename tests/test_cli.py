@@ -123,7 +123,6 @@ def test_a_study_that_stops_where_it_is_precise_says_so_wherever_claims_are_judg
     [
         (["--precision", "0.1", "--runs", "3"], "leave out --runs"),
         (["--max-runs", "3"], "the limit of --precision"),
-        (["--precision", "0.1"], "one of err_norm, pooled_rmse"),
         (["--precision", "err_norm=0"], "positive number"),
         (["--shard", "1/2", "--precision", "0.1"], "cannot go with --precision"),
         (["--shard", "1/2", "--fresh"], "blocks of other shards"),

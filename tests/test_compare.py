@@ -127,7 +127,7 @@ def study(folder: Path, values: np.ndarray, failed: np.ndarray, seed: int = 7, p
     files.write_records(folder / "summary.csv", list(rows[0]), rows)
     if per_run:
         files.write_csv(folder / "runs.csv", ["reading", "case", "run", "filter", "failed", "lost", "rmse"], lines)
-    manifest.seal(folder, scenario="toy", seed=seed, runs=values.shape[1])
+    manifest.seal(folder, *manifest.TOP, scenario="toy", seed=seed, runs=values.shape[1])
     return Results.open(folder)
 
 
@@ -204,7 +204,7 @@ def whole(folder: Path, factor: float = 1.0, deviation: float = 1e-12, threshold
     files.write_records(folder / "checks.csv", list(check), [check])
     filt = {"label": "hkf", "name": "hkf", "threshold": threshold, "root": "symmetric"}
     files.write_records(folder / "filters.csv", list(filt), [filt])
-    manifest.seal(folder, scenario="toy", seed=7, runs=RUNS)
+    manifest.seal(folder, *manifest.TOP, scenario="toy", seed=7, runs=RUNS)
     return Results.open(folder)
 
 

@@ -279,8 +279,8 @@ def test_a_list_of_files_is_refused(shown: Path) -> None:
 @pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")
 def test_the_octave_example_of_the_readme_is_our_kalman_filter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    options = {"sets": ["steps=60"], "runs": 3}
-    ok("export", "contamination-rates", "--case", "rate=0.4", "--runs", "3", "--set", "steps=60")
+    options = {"sets": ["steps=100"], "runs": 3}
+    ok("export", "contamination-rates", "--case", "rate=0.4", "--runs", "3", "--set", "steps=100")
     Path("kf.m").write_text(block("octave"))
     assert len(block("octave").splitlines()) <= 15
     subprocess.run(["octave-cli", "--quiet", "kf.m"], check=True, capture_output=True)

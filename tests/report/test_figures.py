@@ -155,7 +155,7 @@ def test_the_caption_says_what_over_how_many_runs_and_where(material: Material) 
     lost = int(material.results.lost("root", "rate=0.4", "kf").sum())
     assert text == (
         "Error norm (82). Mean of error norm over 60 runs at each step; band: ± 2 standard errors. "
-        f"Case rate = 0.4. Reading root. Runs failed (left out of means, infinite in medians) or lost. KF: {lost} lost."
+        f"Case rate = 0.4. Reading root. Runs failed (left out of means) or lost. KF: {lost} lost."
     )
 
 

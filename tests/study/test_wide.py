@@ -164,7 +164,7 @@ def test_the_worlds_of_bundled_scenarios_can_be_made_side_by_side(name: str) -> 
 @pytest.mark.parametrize(
     ("name", "sets", "labels"),
     [
-        ("contamination-rates", ["steps=60"], ["kf", "hkf", "aladkf", "clairvoyant_kf"]),
+        ("contamination-rates", ["steps=100"], ["kf", "hkf", "aladkf", "clairvoyant_kf"]),
         ("ungm", [], ["ekf", "ukf", "pekf"]),
         ("falling-body", [], ["ukf", "hukf", "nrukf_r"]),
         ("odometers", [], ["skf", "raf", "daf"]),
