@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 TRUTH = frozenset({"truth"})
 RECORD = frozenset({"record"})
 
-TOGETHER = 2048  # columns: their matrices stay in the cache
+TOGETHER = 8192  # columns: their matrices stay in the cache
 
 Reduce = Literal["mean", "max", "root", "median", "last", "mean_where", "root_where"]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rkfbench.filters.base import Estimate
 from rkfbench.linalg import Array, batched, cond
-from rkfbench.metrics.base import RECORD, Each, Trial, outliers
+from rkfbench.metrics.base import RECORD, Each, Trial, outliers, over_time
 
 Which = Literal["all", "outlier", "clean", "worse"]
 ROUNDING = 1e-9  # relative margin of `worse`: the rounding of cond(S) is about 1e-16 cond(S), and a few units here
@@ -116,7 +116,7 @@ class WorseGivenPremise(Each):
 def condition_of(estimate: Estimate) -> Array:
     """cond(S) at all steps, (T, M or 1); computed once for an estimate, since many metrics look at it."""
     if "cond_S" not in estimate.derived:
-        estimate.derived["cond_S"] = cond(np.moveaxis(estimate.extras["S"], 0, 2))
+        estimate.derived["cond_S"] = over_time(cond, estimate.extras["S"])
     return estimate.derived["cond_S"]
 
 
