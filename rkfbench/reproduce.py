@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from rkfbench import derived
 from rkfbench.aside import Aside
-from rkfbench.claims.measure import Estimand, Selected
+from rkfbench.claims.estimand import Estimand, Selected
 from rkfbench.compare import compare
 from rkfbench.errors import UsageError
 from rkfbench.judge import Docket, dockets

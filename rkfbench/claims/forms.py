@@ -23,8 +23,8 @@ from math import inf
 from typing import Any
 
 from rkfbench.claims.combinations import triangle
+from rkfbench.claims.estimand import Combination, Estimand, Point, Selected
 from rkfbench.claims.expression import Expression, parse
-from rkfbench.claims.measure import Combination, Estimand, Point, Selected
 from rkfbench.claims.verdict import Printed, Region
 from rkfbench.errors import SpecError, did_you_mean
 from rkfbench.scenario.claims import Measurement, Part, Value

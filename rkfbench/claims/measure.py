@@ -26,14 +26,13 @@ from numpy.typing import NDArray
 
 from rkfbench.claims import replicates
 from rkfbench.claims.combinations import along_least, least_eigenvalue, share_terms
-from rkfbench.claims.expression import Expression
+from rkfbench.claims.estimand import Estimand, Point
 from rkfbench.claims.verdict import Measured
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Key = tuple[str, str, str]  # metric, filter, case
 Columns = Mapping[Key, Array]  # the values per run (M,) of each key
-Combination = Literal["value", "difference", "relative", "ratio", "slope", "smallest", "eigenvalue"]
 
 
 class Stats(Protocol):
@@ -57,54 +56,6 @@ class Stats(Protocol):
     def check(self, id: str) -> tuple[float, float]:
         """(deviation, tolerance) of an exact check."""
         ...
-
-
-@dataclass(frozen=True)
-class Selected:
-    """A filter that is chosen on the tuning runs: the candidate with the smallest statistic of the metric."""
-
-    candidates: tuple[str, ...]
-    metric: str
-    statistic: str = "mean"
-
-
-@dataclass(frozen=True)
-class Point:
-    """One statistic: metric, filter and case, each a name or arithmetic over names."""
-
-    metric: Expression
-    filter: Expression
-    case: Expression
-
-    @property
-    def plain(self) -> bool:
-        """Whether it is a single name in all three."""
-        return all(part.name is not None for part in (self.metric, self.filter, self.case))
-
-
-@dataclass(frozen=True)
-class Estimand:
-    """What a cell of a claim is about.
-
-    combine: value: the only point; difference: a - b; relative: (a - b)/b; ratio: a/b; slope: sum of weight x point;
-    smallest: share of runs in which the first point is the smallest; eigenvalue: the least one of the symmetric matrix
-    whose lower triangle the points are, row by row. `ordered` marks comparisons that are decided run by run where runs
-    are lost.
-    """
-
-    combine: Combination
-    points: tuple[Point, ...]
-    statistic: str = "mean"
-    weights: tuple[float, ...] = ()
-    ordered: bool = False
-    margin: float = 0.0  # of an ordering, for the comparison of single runs
-    lost: Literal["largest", "smallest"] = "largest"
-    selected: tuple[tuple[str, Selected], ...] = ()
-
-    @property
-    def timing(self) -> bool:
-        """Whether it is made of clock values: every metric begins with `time`."""
-        return all(name.startswith("time") for point in self.points for name in point.metric.names())
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from rkfbench.study import plan
 from rkfbench.study.summary import summarise
 
 if TYPE_CHECKING:
-    from rkfbench.claims.measure import Estimand
+    from rkfbench.claims.estimand import Estimand
     from rkfbench.scenario import Cell, Scenario
 
 PREFIX = "time"  # of the names of metrics that are measured with a clock

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rkfbench.claims.estimand import Estimand, Point
 from rkfbench.claims.expression import parse
-from rkfbench.claims.measure import Estimand, Point, observe
+from rkfbench.claims.measure import observe
 from rkfbench.report import entries
 from rkfbench.report.material import Material
 from rkfbench.report.words import Words
