@@ -188,12 +188,14 @@ def _legend(sheet: Figure, kind: str, grid: Grid, points: Sequence[Point], looks
     drawn = [p for p in points if p.role not in ("band", "paper")]
     labels = [] if "filter" in (grid.row_of, grid.column_of) else distinct(p.filter for p in drawn)
     handles: list[Any] = []
+    filled = kind == "bars" and not any(ax.get_yscale() == "log" for ax in sheet.axes)
     for order, label in enumerate(labels):
         look = looks[label]
-        if kind == "bars":
+        if filled:
             handles.append(Patch(label=grid.words.filter(label), **marks.bar_style(look, order)))
         else:
-            line = marks.run_style(look) if kind == "runs" else marks.line_style(look)
+            style_of = {"runs": marks.run_style, "bars": marks.mark_style}.get(kind, marks.line_style)
+            line = style_of(look)
             handles.append(Line2D([], [], label=grid.words.filter(label), **line))
     beside = distinct(grid.words.metric(point.metric) for point in points if point.role == "beside")
     handles += [Line2D([], [], label=name, color=style.GREY, **marks.BESIDE) for name in beside]

@@ -122,6 +122,11 @@ def _runs(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: W
         _arrows(ax, x, y, look)
 
 
+def mark_style(look: Look) -> dict[str, Any]:
+    """A mark in the place of a bar, which on a logarithmic axis would begin nowhere."""
+    return line_style(look) | {"linestyle": "", "marker": look.marker or "_"}
+
+
 def _bars(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: Words) -> None:
     """One bar a filter in groups by case, hatched to be told apart in grey; the paper's numbers are open diamonds."""
     cases = distinct(point.case for point in points)
@@ -139,7 +144,7 @@ def _bars(ax: Axes, figure: Any, points: Sequence[Point], looks: Looks, words: W
                 ax.plot(x, _finite(y), zorder=4, **PRINTED)
                 continue
             if ax.get_yscale() == "log":
-                ax.plot(x, _finite(y), **line_style(look) | {"linestyle": "", "marker": look.marker or "_"})
+                ax.plot(x, _finite(y), **mark_style(look))
             else:
                 ax.bar(x, _finite(y), width * 0.92, **bar_style(look, order))
             _bars_of_error(ax, x, y, low, high, Look("#222222", ""))

@@ -109,6 +109,14 @@ def test_values_over_more_than_three_decades_get_a_logarithmic_axis(low: float, 
     assert drawn(figure, found).axes[0].get_yscale() == scale
 
 
+def test_the_legend_shows_what_stands_for_a_bar_on_a_logarithmic_axis(material: Material) -> None:
+    figure = declared(**KINDS["bars on a logarithmic axis"])
+    sheet = drawn(figure, points(figure, material, "literal"))
+    marks = {line.get_marker() for line in sheet.axes[0].lines}
+    (legend,) = sheet.legends
+    assert legend.legend_handles and all(handle.get_marker() in marks for handle in legend.legend_handles)
+
+
 def test_a_declared_axis_is_kept(material: Material) -> None:
     axis = {"log": True, "label": "condition number", "unit": "m", "limits": [0.5, 50.0]}
     figure = declared(kind="sweep", over="rate", metric="cond_S", y=axis, x={"times": 100.0, "unit": "%"})
