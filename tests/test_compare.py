@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rkfbench.compare import compare
+from rkfbench.compare import chance, compare
+from rkfbench.compare.chance import Sample, Skew
 from rkfbench.store import Results, files, manifest
 from rkfbench.study.summary import summarise
 
@@ -227,3 +228,13 @@ def test_curves_and_checks_of_one_folder_alone_are_differences_unless_only_commo
     a, b = whole(tmp_path / "a"), results(tmp_path / "b", {"hkf": draw(1)})
     assert {each.what for each in compare(a, b).differences} == {"curve", "check"}
     assert compare(a, b, common=True).level == "same bytes"
+
+
+def test_few_runs_that_agree_in_one_value_may_do_so_by_chance() -> None:
+    """A coin that fell heads five times here and tails there: one in five hundred, and a study has many rows."""
+    limit = chance.threshold(200, 0.05)
+    for runs, seen in ((5, False), (400, True)):
+        paired = chance.paired(np.ones(runs), np.zeros(runs))
+        apart = float(chance.means(Sample(runs, 1.0, 0.0), Sample(runs, 0.0, 0.0), Skew(0.0, 0.0)))
+        assert [0 < z < limit for z in (paired, apart)] == [not seen] * 2
+        assert [z > limit for z in (paired, apart)] == [seen] * 2

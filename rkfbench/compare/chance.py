@@ -48,14 +48,14 @@ def paired(x: Array, y: Array) -> float:
 
     Where chance alone makes them, either of a pair may be the larger: a symmetric law, for which t is never too large
     by much, however heavy its tails are (Efron 1969, J. Amer. Statist. Assoc. 64, 1278-1302). Where all differences
-    are equal they may come from few distinct values, and their sign is all that they tell.
+    are equal, as those of shares of few runs may be by chance, their sign is all that they tell.
     """
     difference = x - y
     M, mean = len(x), float(difference.mean())
     if M < 2 or mean == 0:
         return 0.0
     if _one_value(difference):
-        return copysign(inf, mean) if _one_value(x) else signs(*((M, 0) if mean > 0 else (0, M)))
+        return signs(*((M, 0) if mean > 0 else (0, M)))
     return float(_of_t(mean / (float(difference.std(ddof=1)) / sqrt(M)), M - 1))
 
 
@@ -67,13 +67,17 @@ def means(first: Sample, second: Sample, skew: Skew) -> Array:
 
         g (1/n1^2 - 1/n2^2)/(1/n1 + 1/n2)^1.5;
 
-    z is taken from a gamma law of this skewness (Wilson and Hilferty 1931) where its tail is the heavier one.
+    z is taken from a gamma law of this skewness (Wilson and Hilferty 1931) where its tail is the heavier one. Where
+    neither sample varies, chance could only have dealt n values of one kind to the one and m of another to the other.
     """
     (n, a, _), (m, b, _) = first, second
     difference, df = np.subtract(a, b), np.add(n, m) - 2
     with np.errstate(all="ignore"):
         spread = np.sqrt(pooled_variance(first, second) * (1 / np.asarray(n) + 1 / np.asarray(m)))
-        z = np.where(spread > 0, _of_t(difference / spread, np.maximum(df, 1)), np.copysign(inf, difference))
+        dealt = np.vectorize(lambda n, m: shares(int(n), int(n), 0, int(m)), otypes=[float])
+        z = np.where(spread > 0, _of_t(difference / spread, np.maximum(df, 1)), 0.0)
+        if (still := (spread == 0) & (difference != 0)).any():
+            z = np.where(still, np.copysign(dealt(n, m), difference), z)
         lean = (1 / np.square(n, dtype=float) - 1 / np.square(m, dtype=float)) / (
             1 / np.asarray(n) + 1 / np.asarray(m)
         ) ** 1.5
