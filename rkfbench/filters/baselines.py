@@ -12,7 +12,7 @@ import numpy as np
 from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate, Known
 from rkfbench.filters.recursion import prepare
-from rkfbench.linalg import Array
+from rkfbench.linalg import Array, exp
 from rkfbench.models import Model
 from rkfbench.models.range_bearing import RangeBearing
 from rkfbench.streams import GROUP, Streams
@@ -112,7 +112,7 @@ class BayesGrid:
             weight = rbar * linear
             weight -= (0.5 * rbar * rbar) * square[:, None]
             weight -= misfit * (2 * np.pi**2 / variance)
-            np.exp(np.subtract(weight, weight.max(0), out=weight), out=weight)
+            exp(np.subtract(weight, weight.max(0), out=weight))
             moments = basis @ weight
             centre_x, centre_y, xx, xy, yy = moments[1:] / moments[0]
             centre = np.stack([centre_x, centre_y])

@@ -118,7 +118,7 @@ def entry_points(group: str) -> dict[str, str]:
 
 def pins(data: Any) -> dict[str, str]:
     """The plug-ins that a description names, each with the hash of its sources."""
-    found = {text for text in texts(data) if _homes.get(text) in _loaded}
+    found = {text for text in texts(data) if _homes.get(text) in _loaded} if _loaded else ()
     return {name: _loaded[_homes[name]].digest for name in sorted(found)}
 
 

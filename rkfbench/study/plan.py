@@ -141,7 +141,9 @@ def experiment(scenario: Scenario) -> str:
 
 def _plugins(spec: Mapping[str, Any], labels: Set[str]) -> Key:
     """The hashes of the plug-ins that numbers come from: those of the filters `labels`, and all that are no filters."""
-    sources = spec.get("plugins", {}).get("sources", {})
+    sources = spec.get("plugins", {}).get("sources")
+    if not sources:
+        return {}
     mine = [each for each in spec["filters"] if each["label"] in labels]
     named = set(own.texts({**spec, "filters": mine, "plugins": None}))
     found = {name: digest for name, digest in sources.items() if name in named}
