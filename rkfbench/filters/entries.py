@@ -16,7 +16,7 @@ _UNIT = {"alpha": 1.0, "beta": 0.0, "kappa": 0}
 FILTERS: dict[str, Entry] = Catalogue(
     "filters",
     {
-        "kf": Entry(_HERE + "linear:kf", "aladkf-2020", "(3)-(7)"),
+        "kf": Entry(_HERE + "linear:kf", "aladkf-2020", "(3)-(7)", limits=(Limit({"reuse_gains": False}, "kf"),)),
         "hkf": Entry(_HERE + "linear:hkf", "aladkf-2020", "(9)-(11)", limits=(Limit({"threshold": 1e9}, "kf"),)),
         "aladkf": Entry(_HERE + "linear:aladkf", "aladkf-2020", "(23), (33), (37)-(39), (41)"),
         "clairvoyant_kf": Entry(_HERE + "linear:clairvoyant_kf", needs=frozenset({"record"})),

@@ -31,6 +31,7 @@ class GaussianFilter:
     moments: Moments = field(default_factory=Taylor)
     weight: Weight = field(default_factory=Plain)
     update: Scheme = field(default_factory=Once)
+    reuse_gains: bool = True  # of the Kalman filter: once for all runs that share them, and no more once they settled
 
     @property
     def sees(self) -> frozenset[str]:
@@ -83,5 +84,10 @@ class GaussianFilter:
 
     def _gains_first(self, model: Model, *told: Array) -> bool:
         """Whether this is the Kalman filter, and all runs share its gains."""
+        return self.settles and gains.shared(model, *told)
+
+    @property
+    def settles(self) -> bool:
+        """Whether its late steps may cost less than its first ones."""
         plain = isinstance(self.moments, Jacobians) and isinstance(self.weight, Plain) and isinstance(self.update, Once)
-        return plain and gains.shared(model, *told)
+        return plain and self.reuse_gains

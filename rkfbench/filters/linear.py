@@ -17,9 +17,11 @@ Threshold = Annotated[float, Gt(0), "Huber threshold beta of (11), in units of t
 Root = Annotated[Literal["symmetric", "cholesky"], "which root of R whitens the innovation"]
 
 
-def kf() -> GaussianFilter:
+def kf(
+    reuse_gains: Annotated[bool, "compute gains once for all runs, not in every step; the same estimates"] = True,
+) -> GaussianFilter:
     """Kalman filter: x- = F x, P- = F P F' + Q; S = H P- H' + R, K = P- H' S^-1, x = x- + K nu, P = P- - K S K'."""
-    return GaussianFilter(moments=Linear())
+    return GaussianFilter(moments=Linear(), reuse_gains=reuse_gains)
 
 
 def hkf(threshold: Threshold = 1.345, root: Root = "symmetric", reuse_root: bool = True) -> GaussianFilter:

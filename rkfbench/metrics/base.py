@@ -133,6 +133,7 @@ class Metric:
     curve: bool = False
     root: bool = False
     tracking: bool = False  # over the runs that are not lost
+    kept: bool = False  # 0 in the runs that are lost
     point: Literal["last", "lag"] | int | None = (
         None  # about x_j of the scenario's point: last estimate, curve over the lag, or one lag
     )

@@ -94,6 +94,21 @@ class StandardDeviation(Each):
 
 
 @dataclass(frozen=True)
+class SquaredDifference(Each):
+    """|x - x~|^2 over the states: how far another filter's estimate is."""
+
+    to: str = ""
+
+    @property
+    def partners(self) -> dict[str, frozenset[str]]:  # type: ignore[override]
+        return {self.to: frozenset()}
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        apart = trial.estimate.mean[:, states] - trial.others[self.to].mean[:, states]
+        return np.asarray((apart * apart).sum(1))
+
+
+@dataclass(frozen=True)
 class Distance(Each):
     """|x - x~|/sqrt(P_ii) of one state: distance from another filter's estimate, in own standard deviations."""
 

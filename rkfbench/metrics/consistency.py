@@ -15,13 +15,14 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rkfbench.linalg import Array, positive_definite
+from rkfbench.linalg import Array, eigvalsh, positive_definite
 from rkfbench.metrics.base import Each, Trial, over_time
 from rkfbench.metrics.errors import SquaredError
 from rkfbench.models import wrap
 
 Parts = dict[str, Any]
 Direction = Literal["radial", "tangential"]
+Principal = Literal["least", "largest"]
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,20 @@ class PolarVariance(Each):
         assert P is not None
         ux, uy = (x, y) if self.along == "radial" else (-y, x)
         return np.asarray((ux * ux * P[:, i, i] + 2 * ux * uy * P[:, i, j] + uy * uy * P[:, j, j]) / (x * x + y * y))
+
+
+@dataclass(frozen=True)
+class PrincipalVariance(Each):
+    """The least or the largest eigenvalue of P over the states."""
+
+    which: Principal = "least"
+    keep: ClassVar[frozenset[str]] = frozenset({"cov"})
+
+    def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
+        P = trial.estimate.cov
+        assert P is not None
+        place = 0 if self.which == "least" else -1
+        return over_time(lambda A: eigvalsh(A)[place], P[:, states][:, :, states])
 
 
 @dataclass(frozen=True)
@@ -173,6 +188,11 @@ def tangential_rmse() -> Parts:
 def radial_sd() -> Parts:
     """Standard deviation of P along the line of sight to the estimate."""
     return {"quantity": PolarVariance("radial"), "reduce": "root"}
+
+
+def principal_sd(which: Annotated[Principal, "the shortest or the longest axis"] = "least") -> Parts:
+    """Standard deviation of P along one of its principal axes, wherever that points."""
+    return {"quantity": PrincipalVariance(which), "reduce": "root"}
 
 
 def tangential_sd() -> Parts:

@@ -6,7 +6,16 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Gt
 
-from rkfbench.metrics.behaviour import Distance, Error, Fluctuation, Nees, Settling, StandardDeviation, State
+from rkfbench.metrics.behaviour import (
+    Distance,
+    Error,
+    Fluctuation,
+    Nees,
+    Settling,
+    SquaredDifference,
+    StandardDeviation,
+    State,
+)
 from rkfbench.metrics.histories import Beyond, MeanOf
 
 Parts = dict[str, Any]
@@ -45,6 +54,11 @@ def nees(over: Over = "mean") -> Parts:
 def sd(over: Over = "mean") -> Parts:
     """Standard deviation that the filter states for its own error."""
     return {"quantity": StandardDeviation(), "reduce": over}
+
+
+def rms_difference(to: Annotated[str, "label of the other filter"]) -> Parts:
+    """Root of the mean squared difference from another filter's estimate, in the units of the state."""
+    return {"quantity": SquaredDifference(to=to), "reduce": "root"}
 
 
 def distance(to: Annotated[str, "label of the other filter"], over: Over = "median") -> Parts:

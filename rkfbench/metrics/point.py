@@ -89,6 +89,11 @@ def tracking_mse() -> dict[str, Any]:
     return {"quantity": SquaredError(), "tracking": True}
 
 
+def kept_mse() -> dict[str, Any]:
+    """What the runs that are not lost bring into the mean squared error: its mean with 0 in the lost ones."""
+    return {"quantity": SquaredError(), "kept": True}
+
+
 def trace(of: Annotated[Literal["cov", "prior_cov", "post_cov"], "which covariance"] = "cov") -> dict[str, Any]:
     """Trace of the covariance that a smoother states for its estimate, or of its filter's prior or posterior at j."""
     return {"quantity": Trace(of)}

@@ -53,7 +53,7 @@ def measured(
     from rkfbench.study.timing import measure
 
     jobs = [(cell, labels) for cell in _cells(scenario, full) if (labels := _labels(cell, wanted, full))]
-    made_from = plan.digest([plan.code_hash(), full, [[cell.spec, labels] for cell, labels in jobs]])
+    made_from = plan.digest([plan.code_hash(), _code_of_timing(), full, [[cell.spec, labels] for cell, labels in jobs]])
     if not jobs or (manifest.made_from(folder, "times", made_from, *FILES) and not fresh):
         return None
     values: dict[tuple[str, ...], list[float]] = {}
@@ -61,6 +61,11 @@ def measured(
         for time in measure(cell.case, cell.spec, scenario.seed, labels, FORMS if full else FORMS[:1]):
             values.setdefault((cell.reading, cell.case, time.filter, time.metric), []).append(time.value)
     return Times(made_from, values)
+
+
+def _code_of_timing() -> str:
+    here = Path(__file__).parent
+    return plan.hash_files(here, [here / "timing.py"])
 
 
 def write(times: Times, folder: Path) -> None:

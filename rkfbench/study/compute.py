@@ -178,7 +178,8 @@ def _reduce(case: Case, label: str, estimate: Estimate, others: Mapping[str, Est
         with np.errstate(all="ignore"):  # a smoother of one point is lost where its filter is, at that point
             lost = experiment.lost(estimate.extras.get("post_mean", estimate.mean) - trial.truth())
     without = {metric: estimate.failed | lost if metric.tracking else estimate.failed for metric in wanted}
-    numbers = {metric: np.where(without[metric], np.nan, metric(trial))[..., :runs] for metric in wanted}
+    values = {metric: np.where(metric.kept & lost, 0.0, metric(trial)) for metric in wanted}
+    numbers = {metric: np.where(without[metric], np.nan, value)[..., :runs] for metric, value in values.items()}
     return FilterResult(
         estimate.failed[:runs],
         lost[:runs],

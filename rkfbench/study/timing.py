@@ -1,8 +1,9 @@
 """Computing times: each filter alone on simulated data, repeats interleaved between the filters, one BLAS thread.
 
 Two forms. `time_ms`: one run by itself, ms per run of T steps, comparable with what papers print. `time_ns`: a batch
-of 128 runs, ns per run and step. Only the filter is timed: no random numbers, no metrics, no histories. Clock values
-are never byte-compared and decide no exit code.
+of 128 runs, ns per run and step. Only the filter is timed: no random numbers, no metrics, no histories. Where all
+steps cost the same, some of them are timed and scaled to all. Clock values are never byte-compared and decide no exit
+code.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from rkfbench.streams import Streams
 
 REPEATS = 10
 FORMS = ("time_ms", "time_ns")
-SECONDS = 0.005  # of one measurement, about: its steps are scaled to all, as the cost of a step does not change
+SECONDS = 0.005  # of one measurement, about: its steps are scaled to all, where they all cost the same
 LEAST = 5  # steps, however long they take
 
 
@@ -47,7 +48,7 @@ def measure(
     for repeat in range(-2, REPEATS):
         for metric in forms:
             for label in labels:
-                steps = steps_of.get((metric, label), min(T, LEAST))
+                steps = T if settles(experiment, label) else steps_of.get((metric, label), min(T, LEAST))
                 step = seconds(experiment, world, label, runs_of[metric], steps) / steps
                 if repeat < 0:
                     steps_of[metric, label] = min(T, max(LEAST, int(SECONDS / step)))
@@ -55,10 +56,19 @@ def measure(
                     yield Time(case, repeat, label, metric, step * scale_of[metric])
 
 
+def settles(experiment: Experiment, label: str) -> bool:
+    """Whether the late steps of a filter, or of the one in a smoother, may cost less than its first ones."""
+    filt: Any = experiment.filters[label][0]
+    return bool(getattr(getattr(filt, "filter", filt), "settles", False))
+
+
 def seconds(experiment: Experiment, world: World, label: str, runs: slice, steps: int) -> float:
-    """The time that a filter takes for some of the runs and the first steps."""
+    """The time that a filter takes for some of the runs and the first steps; a smoother makes the estimates of the
+    filter that it runs, too.
+    """
     filt: Any
     filt, told = experiment.filters[label]
+    keep = ("passed",) if hasattr(filt, "passes") else ()
     if getattr(filt, "target", None) is not None:  # a smoother of one point: the same share of the steps around it
         at = max(1, filt.at * steps // experiment.steps)
         filt = replace(filt, at=at, lag=min(filt.lag * steps // experiment.steps, steps - at))
@@ -75,7 +85,7 @@ def seconds(experiment: Experiment, world: World, label: str, runs: slice, steps
         told.P0,
         Q=cut(told.Q),
         R=cut(told.R),
-        keep=(),
+        keep=keep,
         known=world.known.of(runs, steps),
         streams=Streams(0),
     )

@@ -256,7 +256,7 @@ def series_3(ratios: tuple[float, ...] = (0.3, 0.7, 1.0, 1.5)) -> Outcome:
             n = np.arange(1, 400)
             terms = np.cumprod(np.append(1.0, -(2 * n - 1) / (2 * n) * ratio**2))
             worst = max(worst, abs(float(terms.sum()) - (1 + ratio**2) ** -0.5))
-    return Outcome(worst, 1e-6, f"s/sigma = {', '.join(map(str, ratios))}; the series converges for s < sigma only")
+    return Outcome(worst, 1e-6, f"s/sigma = {', '.join(map(str, ratios))}; the series converges for s <= sigma only")
 
 
 SMOOTHERS = {  # sums of a row of the printed Table 2 for smoother and filter, and the printed Table 3
