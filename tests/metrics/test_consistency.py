@@ -51,6 +51,13 @@ def test_the_two_variances_add_up_to_the_trace():
     np.testing.assert_allclose(parts, np.einsum("iim->m", COV[1]))
 
 
+def test_principal_axes_are_those_of_the_covariance():
+    least, largest = (value(f"principal_sd(which={which})@2") for which in ("least", "largest"))
+    w = np.linalg.eigvalsh(np.moveaxis(COV[1], -1, 0)).T
+    np.testing.assert_allclose([least**2, largest**2], w, rtol=1e-12)
+    np.testing.assert_allclose(value("principal_sd[px]@2") ** 2, COV[1, 0, 0])
+
+
 def test_excess_is_what_is_stated_minus_what_happened():
     error = MEAN - TRUTH
     np.testing.assert_allclose(value("excess@4"), np.einsum("iim->m", COV[3]) - (error[3] ** 2).sum(0))

@@ -57,6 +57,13 @@ def test_the_normalised_error_uses_the_covariance_of_the_states_named():
     assert metrics.get("sd[S]")(trial())[0] == pytest.approx(np.sqrt(P[0, 0]))
 
 
+def test_differences_from_another_filter_are_in_units_of_the_state():
+    mine = trial()
+    other = Estimate(mine.estimate.mean + 2.0, None, mine.estimate.failed, {})
+    apart = Trial(mine.experiment, mine.world, None, mine.estimate, {"skf": other})
+    np.testing.assert_allclose(metrics.get("rms_difference(to=skf)")(apart), np.sqrt(8.0))
+
+
 def test_distances_are_in_own_standard_deviations():
     mine = trial()
     other = Estimate(mine.estimate.mean + 2.0, None, mine.estimate.failed, {})

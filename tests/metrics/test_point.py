@@ -12,7 +12,16 @@ from rkfbench.filters import build
 from rkfbench.study.compute import compute
 
 NAMES = [
-    *("mse[px]@j", "mse_prior[px]@j", "mse[px]@j+0", "mse[px]@j+3", "mse[px]@lag", "tracking_mse[px]@j", "mse[px]"),
+    *(
+        "mse[px]@j",
+        "mse_prior[px]@j",
+        "mse[px]@j+0",
+        "mse[px]@j+3",
+        "mse[px]@lag",
+        "tracking_mse[px]@j",
+        "kept_mse[px]@j",
+        "mse[px]",
+    ),
     *("improvement@j", "improvement(base=post)@lag", "trace@j", "trace(of=prior_cov)@j", "distinct@lag"),
 ]
 SPEC = {
@@ -80,6 +89,7 @@ def test_lost_runs_leave_the_tracking_error_and_nothing_else():
     assert np.isnan(kf.values["tracking_mse[px]@j"]).tolist() == kf.lost.tolist()
     kept = ~kf.lost
     np.testing.assert_array_equal(kf.values["tracking_mse[px]@j"][kept], kf.values["mse[px]@j"][kept])
+    np.testing.assert_array_equal(kf.values["kept_mse[px]@j"], np.where(kept, kf.values["mse[px]@j"], 0.0))
 
 
 def test_improvements_are_those_of_the_stated_covariances():

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from rkfbench.experiment import Experiment
+from rkfbench.streams import Streams
 from rkfbench.study import timing
 from tests.contract import SPECS
 
-SPEC = {**SPECS["navigation"], "filters": [{"label": label, "use": label} for label in ("kf", "hkf", "clairvoyant_kf")]}
+FILTERS = [
+    *({"label": label, "use": label} for label in ("kf", "hkf", "clairvoyant_kf")),
+    {"label": "kf_each_step", "use": "kf", "reuse_gains": False},
+    {"label": "ks", "use": "ks", "at": 300, "lag": 100},
+    {"label": "ps", "use": "ps", "at": 300, "lag": 100, "particles": 20},
+]
+SPEC = {**SPECS["navigation"], "steps": 400, "filters": FILTERS}
 
 
 def test_filters_are_interleaved_and_measured_in_both_forms(monkeypatch):
@@ -20,9 +28,39 @@ def test_filters_are_interleaved_and_measured_in_both_forms(monkeypatch):
 def test_a_time_is_scaled_to_the_steps_of_a_run_and_to_one_run_and_step(monkeypatch):
     monkeypatch.setattr(timing, "REPEATS", 1)
     monkeypatch.setattr(timing, "seconds", lambda experiment, world, label, runs, steps: 0.001 * steps)
-    found = {t.metric: t.value for t in timing.measure("case", {**SPEC, "steps": 400}, 1, ["kf"])}
+    found = {t.metric: t.value for t in timing.measure("case", SPEC, 1, ["hkf"])}
     assert found["time_ms"] == 400.0  # 1 ms a step, 400 steps
     assert abs(found["time_ns"] - 1e6 / 128) < 1e-6
+
+
+def test_a_filter_whose_gains_settle_is_timed_over_all_steps(monkeypatch):
+    monkeypatch.setattr(timing, "REPEATS", 1)
+    asked = {}
+
+    def seconds(experiment, world, label, runs, steps):
+        asked.setdefault(label, []).append(steps)
+        return 0.001 * steps
+
+    monkeypatch.setattr(timing, "seconds", seconds)
+    list(timing.measure("case", SPEC, 1, ["kf", "ks", "kf_each_step", "hkf"], ["time_ms"]))
+    assert asked == {"kf": [400] * 3, "ks": [400] * 3, "kf_each_step": [5] * 3, "hkf": [5] * 3}
+
+
+def test_a_particle_smoother_is_timed_with_the_estimates_of_its_filter(monkeypatch):
+    kept = {}
+    for label in ("ps", "ks"):
+        filt = type(Experiment.of(SPEC).filters[label][0])
+        run = filt.run
+        monkeypatch.setattr(
+            filt,
+            "run",
+            lambda *args, run=run, label=label, **more: kept.update({label: more["keep"]}) or run(*args, **more),
+        )
+    experiment = Experiment.of(SPEC)
+    world = experiment.simulate(Streams(1))
+    for label in ("ps", "ks"):
+        timing.seconds(experiment, world, label, slice(0, 1), 20)
+    assert kept == {"ps": ("passed",), "ks": ()}
 
 
 def test_a_reference_that_needs_the_record_is_timed_too(monkeypatch):
