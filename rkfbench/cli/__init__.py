@@ -5,7 +5,6 @@ Everything heavy is imported inside the commands, so that `rkfbench --help` answ
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import io
 import os
@@ -35,19 +34,19 @@ def main() -> None:
     except KeyboardInterrupt:
         _leave(INTERRUPTED)
     except SystemExit as ended:
-        if ended.code and interrupts.came():
-            _leave(INTERRUPTED)
-        raise
-    finally:  # all is said and written: a Ctrl-C while Python ends does not change the exit code any more
-        interrupts.ignore()
+        _leave(INTERRUPTED if ended.code and interrupts.came() else int(ended.code or 0))
 
 
 def _leave(code: int) -> NoReturn:
-    """End at once: what was interrupted anywhere need not be fit for the end that Python makes (it may abort)."""
+    """End at once. All is said and written, so the end that Python makes would only take time (a tenth of a second for
+    a short command), and what was interrupted anywhere need not be fit for it (it may abort).
+    """
     interrupts.ignore()
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):  # a reader that has gone
+        try:
             stream.flush()
+        except (OSError, ValueError):  # a full disk, a reader that has gone
+            code = code or 1
     os._exit(code)
 
 
