@@ -57,10 +57,13 @@ class Trace:
 def trace(cell: Cell, seed: int, run: int, label: str) -> Trace:
     """Run number `run` of a cell as the filter `label` goes through it, with the numbers of the study.
 
-    UsageError for a smoother of one point, whose estimates are not along the run.
+    UsageError for a smoother of one point, whose estimates are not along the run, and beyond the last recording.
     """
     filter_of(cell, label)
     experiment = Experiment.of(cell.spec)
+    recording = experiment.recording
+    if recording is not None and run >= recording.runs:
+        raise UsageError(f"run {run}: the data has {recording.runs} recordings, so --run is 0 to {recording.runs - 1}")
     streams = Streams(seed, run // GROUP)
     world = experiment.simulate(streams)
     filt = experiment.filters[label][0]
@@ -69,7 +72,7 @@ def trace(cell: Cell, seed: int, run: int, label: str) -> Trace:
     keep = frozenset(getattr(filt, "sees", frozenset())) | {"cov"}
     estimate = alone(experiment, world, streams, label, keep - HIDDEN)
     model = experiment.model
-    columns, shown = _columns(experiment, world, estimate, run % GROUP)
+    columns, shown = _columns(experiment, world, estimate, run)
     return Trace(cell.case, label, run, columns, tuple(model.states), tuple(model.measurements), shown)
 
 
@@ -103,14 +106,14 @@ def _stored(scenario: Scenario, cell: Cell, label: str, metric: str, folder: Pat
 
 
 def _columns(
-    experiment: Experiment, world: World, estimate: Estimate, i: int
+    experiment: Experiment, world: World, estimate: Estimate, run: int
 ) -> tuple[dict[str, Array], dict[str, list[str]]]:
-    """The columns of run i of a group, and which of them are what the filter shows."""
-    model, T = experiment.model, len(world.y)
+    """The columns of a run, given its group of runs, and which of them are what the filter shows."""
+    model, T, i = experiment.model, len(world.y), run % GROUP
     states, measurements = tuple(model.states), tuple(model.measurements)
     columns: dict[str, Array] = {"k": np.arange(1, T + 1)}
     if experiment.recording is not None and experiment.recording.times is not None:
-        columns["t"] = experiment.recording.times[:, i % experiment.recording.runs]
+        columns["t"] = experiment.recording.times[:, run]
     elif (dt := getattr(model, "dt", None)) is not None:
         columns["t"] = dt * columns["k"]
 

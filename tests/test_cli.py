@@ -292,6 +292,16 @@ def test_an_unknown_name_is_answered_with_a_near_one() -> None:
     assert "did you mean 'aladkf'?" in result.stderr
 
 
+def test_what_is_not_finite_is_null_as_json(small: Path) -> None:
+    rkfbench("run", small, "-q", "--out", "a")
+
+    def never(name: str) -> None:
+        raise ValueError(f"{name} is not JSON")
+
+    found = json.loads(rkfbench("compare", "a", "a", "--json").stdout, parse_constant=never)
+    assert None in [value for each in (found if isinstance(found, list) else [found]) for value in each.values()]
+
+
 def test_compare_tells_same_from_different(small: Path) -> None:
     for out, options in {"a": [], "b": [], "c": ["--seed", "6"], "d": ["--set", "filters.hkf.threshold=0.01"]}.items():
         rkfbench("run", small, "--out", out, "--runs", "40", *options)  # six pairs would tell little

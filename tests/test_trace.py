@@ -15,9 +15,9 @@ from rkfbench.errors import UsageError
 from rkfbench.experiment import Experiment
 from rkfbench.scenario import load
 from rkfbench.store import Results, files
-from rkfbench.streams import Streams
+from rkfbench.streams import GROUP, Streams
 from rkfbench.trace import trace, worst
-from tests.test_recording import EXAMPLE
+from tests.test_recording import EXAMPLE, SCENARIO
 
 
 def rkfbench(*args: str | Path) -> Any:
@@ -141,6 +141,24 @@ def test_every_filter_of_a_bundled_scenario_can_be_traced_or_says_why_not(scenar
         else:
             with pytest.raises(UsageError, match="estimates one step only"):
                 trace(cell, loaded.seed, 2, label)
+
+
+def test_a_recording_that_is_not_there_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = rkfbench("trace", EXAMPLE, "--filter", "kf", "--run", "2")
+    assert (result.exit_code, result.stdout, list(tmp_path.iterdir())) == (2, "", [])
+    assert "run 2: the data has 2 recordings, so --run is 0 to 1" in result.stderr
+
+
+def test_the_times_of_a_recording_are_its_own_beyond_the_first_group_of_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{run:03d},{0.5 * k + run},{k},{k}" for run in range(GROUP + 3) for k in range(1, 4)]
+    Path("drive.csv").write_text("\n".join(["run,t,px,py", *rows]) + "\n")
+    Path("drive.yaml").write_text(SCENARIO)
+    (cell,) = load("drive.yaml").cells
+    assert trace(cell, 0, GROUP + 2, "kf").columns["t"].tolist() == [GROUP + 2 + 0.5 * k for k in range(1, 4)]
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def tune(
     from rkfbench.reproduce import RESULTS
     from rkfbench.scenario import load, pick
     from rkfbench.store import files
-    from rkfbench.study.axes import axis
+    from rkfbench.study.axes import axes_of
     from rkfbench.study.tune import POINTS
     from rkfbench.study.tune import tune as tuned
 
@@ -60,7 +60,7 @@ def tune(
     found = []
     for cell in pick.cells(loaded, cases, reading):
         spec = pick.filter_of(cell, label)
-        axes = [axis(each, spec, points or POINTS.get(len(over), 5)) for each in over]
+        axes = axes_of(over, spec, points or POINTS.get(len(over), 5))
         goal = metric or cell.spec.get("score") or "rmse"
         found.append(tuned(cell, spec, axes, goal, seed=loaded.seed, runs=loaded.runs, refine=not grid))
         terminal.note(sentence(found[-1], axes))

@@ -7,6 +7,7 @@ case. `--json` turns data into JSON, `-q` silences all but data and errors, `-v`
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -55,8 +56,8 @@ class Terminal:
             self.data("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
     def object(self, content: Any) -> None:
-        """Plain data as JSON."""
-        self.data(json.dumps(content, indent=2, ensure_ascii=False, default=str))
+        """Plain data as JSON, which has no infinity and no NaN: null stands for them."""
+        self.data(json.dumps(_finite(content), indent=2, ensure_ascii=False, default=str, allow_nan=False))
 
     @contextmanager
     def progress(self, name: str) -> Iterator[Callable[[Event], None]]:
@@ -145,6 +146,15 @@ class Terminal:
                     bar.update(task, advance=1, case=event.case)
 
             yield advance
+
+
+def _finite(content: Any) -> Any:
+    """The same with None for every number that is not finite."""
+    if isinstance(content, Mapping):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(each) for each in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def _cell(value: Any) -> str:

@@ -133,7 +133,8 @@ def ready(folder: str, sources: Mapping[str, str]) -> None:
                 find(name)
         except SpecError:
             raise InputChanged(f"the source of {name}") from None
-        if _loaded[_homes[name]].digest != digest:
+        loaded = _loaded.get(_homes.get(name, ""))  # None: no package here announces it
+        if loaded is None or loaded.digest != digest:
             raise InputChanged(f"the source of {name}")
 
 

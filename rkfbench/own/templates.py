@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import keyword
-import re
+
+from pydantic import TypeAdapter, ValidationError
 
 from rkfbench.errors import UsageError
+from rkfbench.filters import FILTERS
+from rkfbench.scenario.schema import LONGEST_NAME, FolderName
+from rkfbench.scenario.yaml import scalar
 
 ONE_RUN = '''\
 """{name}: a filter of one run. `rkfbench check {name}.py:{name}` tries it, `rkfbench run {name}.yaml` compares it."""
@@ -107,16 +111,31 @@ def own_filter(name: str, batch: bool) -> dict[str, str]:
     """The file of a filter, and a scenario that runs it beside kf and hkf: by file name."""
     if not name.isidentifier() or keyword.iskeyword(name):
         raise UsageError(f"'{name}' cannot be the name of a Python function or class")
+    if name in FILTERS:
+        raise UsageError(f"there is a filter '{name}' already (rkfbench show {name}): choose another name")
+    called = _scenario_name(name.strip("_") or "own")
     own = f"  - {{use: {name}.py:{name}, threshold: 3}}"
     return {
         f"{name}.py": (BATCH if batch else ONE_RUN).format(name=name),
-        f"{name}.yaml": SCENARIO.format(name=name.strip("_") or "own", file=f"{name}.yaml", own=own),
+        f"{name}.yaml": SCENARIO.format(name=called, file=f"{name}.yaml", own=own),
     }
 
 
 def scenario(name: str) -> dict[str, str]:
     """A scenario, by file name."""
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name):
-        raise UsageError(f"'{name}' cannot name a results folder: letters, digits, `_`, `.` and `-`")
+    name = _scenario_name(name)
     own = "  # - {use: my_filter.py:my_filter, threshold: 3}               your own: rkfbench new filter my_filter"
     return {f"{name}.yaml": SCENARIO.format(name=name, file=f"{name}.yaml", own=own)}
+
+
+def _scenario_name(name: str) -> str:
+    """The name, if a scenario file that gives it is valid; else UsageError."""
+    try:
+        found: str = TypeAdapter(FolderName).validate_python(name)
+        TypeAdapter(FolderName).validate_python(scalar(found))
+    except ValidationError:
+        raise UsageError(
+            f"'{name}' cannot name a scenario: ASCII letters, digits, `_`, `.` and `-`, "
+            f"at most {LONGEST_NAME}, and no word such as 12 or true that YAML reads as something else"
+        ) from None
+    return found

@@ -18,6 +18,8 @@ from dataclasses import dataclass, replace
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
+from rkfbench.references import is_reference
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -54,7 +56,6 @@ FILTERS: dict[str, Look] = {
     "daf": Look(RED, "*"), "hkf_regression": Look(PURPLE, "d", DASHED),
 }  # fmt: skip
 
-REFERENCES = ("clairvoyant", "kf_clair", "bayes", "zero", "truth", "optimal")
 SPARE = tuple(
     Look(colour, marker, dash)
     for dash, markers in ((DASHDOT, "hp<>d8X"), (DOTTED, "*v^Ds<>"))
@@ -92,7 +93,7 @@ def looks(labels: Sequence[str], names: Mapping[str, str] | None = None) -> dict
     filter here has, so that a scenario's figures agree.
     """
     families = {label: _family(label, (names or {}).get(label, label)) for label in labels}
-    references = [label for label in labels if any(map(_is_reference, (label.lower(), families[label])))]
+    references = [label for label in labels if any(map(is_reference, (label, families[label])))]
     others = [label for label in labels if label not in references]
     taken = {look.colour for each in others if (look := FILTERS.get(each) or FILTERS.get(families[each]))}
     spare = cycle(sorted(SPARE, key=lambda look: look.colour in taken))
@@ -118,10 +119,6 @@ def looks(labels: Sequence[str], names: Mapping[str, str] | None = None) -> dict
 def _family(label: str, name: str) -> str:
     """The filter of which it may be a variant; one that is put together from parts has no name but its label."""
     return label.partition("[")[0] if name == label else name
-
-
-def _is_reference(name: str) -> bool:
-    return name.startswith(REFERENCES)
 
 
 def variant(look: Look, index: int, count: int) -> Look:

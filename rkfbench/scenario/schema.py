@@ -35,10 +35,12 @@ def _reading(name: str) -> str:
 
 MOST_STEPS = 1_000_000
 MOST_RUNS = 10_000_000
+SEEDS = 2**63  # so many; whole numbers of 20 digits and more are not read back as such
 
 Vector = Annotated[list[float], Field(min_length=1)]
 Text = Annotated[str, Field(min_length=1)]
 Named = Annotated[str, AfterValidator(_named)]
+FolderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=LONGEST_NAME)]
 Matrix = Annotated[
     Any, Field(description="a number (times I), a list (diagonal), rows, or an operation such as {matrix_root_of: M}")
 ]
@@ -215,9 +217,7 @@ META = ("name", "title", "paper", "notes", "names", "seed", "runs")
 class ScenarioFile(Experiment):
     """One scenario file."""
 
-    name: str = Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=LONGEST_NAME, description="names the results folder"
-    )
+    name: FolderName = Field(description="names the results folder")
     title: str = Field(default="", description="one line")
     paper: (
         Annotated[
@@ -231,7 +231,7 @@ class ScenarioFile(Experiment):
         default={},
         description="label of a case, sweep column, point (`rate=0.1`), filter or metric: what readers see",
     )
-    seed: int = Field(default=0, ge=0, description="seed of all random streams")
+    seed: int = Field(default=0, ge=0, lt=SEEDS, description="seed of all random streams")
     runs: Runs = Field(default=Runs(), description="numbers of Monte Carlo runs")
     plugins: Text | None = Field(
         default=None, description="folder of own filters, models ... that are files; default: that of this file"

@@ -19,6 +19,7 @@ import numpy as np
 from rkfbench import metrics
 from rkfbench.errors import UsageError
 from rkfbench.filters import FILTERS
+from rkfbench.references import is_reference
 from rkfbench.store import blocks
 from rkfbench.store.blocks import Array
 from rkfbench.study import plan
@@ -44,6 +45,8 @@ class Goal:
 
         Without a metric it is about the scenario's score, or its first metric where the score is not measured.
         """
+        if any(cell.spec.get("data") for cell in scenario.cells):
+            raise UsageError("--precision chooses the number of runs, and recorded data has its own: leave it out")
         measured = [each for each in scenario.cells[0].spec["metrics"] if not metrics.get(each).curve]
         if not measured:
             raise UsageError("--precision: the scenario measures only curves: give it a metric of a whole run")
@@ -93,7 +96,7 @@ class Settled:
             "max_runs": self.goal.most,
             "runs": self.runs,
             "reached": self.reached,
-            "largest": self.largest,
+            "largest": self.largest if math.isfinite(self.largest) else None,
             "of": self.of,
             "text": str(self),
         }
@@ -158,8 +161,6 @@ def _series(units: Sequence[Unit], goal: Goal) -> Iterator[tuple[Array, float, A
         labels = [label for label in of_cell[0].labels if _ranked(of_cell[0], label)]
         parts = [blocks.read(unit.path, set(labels)) for unit in of_cell]
         for label in labels:
-            if not all(label in part and label in of_cell[0].keys for part in parts):
-                continue  # it raised: told elsewhere
             for name, relative in goal.relative.items():
                 if name not in parts[0][label].values:
                     continue
@@ -172,9 +173,9 @@ def _series(units: Sequence[Unit], goal: Goal) -> Iterator[tuple[Array, float, A
 
 
 def _ranked(unit: Unit, label: str) -> bool:
-    """Whether a filter is compared with others: neither an extra nor a reference that knows more than a filter may."""
+    """Whether a filter is compared with others: neither an extra nor a reference."""
     spec = next(each for each in unit.cell.spec["filters"] if each["label"] == label)
-    return not spec.get("extra") and not any(FILTERS[name].needs - {"streams"} for name in _names(spec))
+    return not spec.get("extra") and not any(map(is_reference, (label, *_names(spec))))
 
 
 def _names(spec: Any) -> Iterator[str]:

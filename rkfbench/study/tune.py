@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 POINTS = {1: 13, 2: 7}  # of the grid along each parameter, by the number of parameters; 5 for more
 MOST_SETTINGS = 2000
-TOLERANCE = 1e-3  # of the optimiser, in shares of the range searched
+TOLERANCE = 1e-3  # of the bounded method, in shares of the range searched
 MOST_STEPS = {1: 20, 2: 60}  # settings that the optimiser tries, for one parameter and for more
 
 
@@ -152,9 +152,9 @@ def tune(
     check(metric, cell)
     tuning = Bench(cell.spec, spec, metric, seed + SEED_STEP, runs)
     paths = [each.path for each in axes]
+    if (count := math.prod(len(each.values) for each in axes)) > MOST_SETTINGS:
+        raise UsageError(f"{count} settings, more than {MOST_SETTINGS}: fewer --points or values, please")
     grid = [dict(zip(paths, values, strict=True)) for values in product(*(each.values for each in axes))]
-    if len(grid) > MOST_SETTINGS:
-        raise UsageError(f"{len(grid)} settings, more than {MOST_SETTINGS}: fewer --points, please")
     best = _best(tuning, grid)
     free = [each for each in axes if each.continuous]
     if refine and free:
@@ -200,7 +200,7 @@ def _searched(bench: Bench, best: Setting, free: Sequence[Axis]) -> list[Setting
         start = [each.scaled(best[each.path]) for each in free]
         options = {
             "maxfev": MOST_STEPS[2],
-            "xatol": TOLERANCE,
+            "xatol": 0.0,  # it takes all its steps: no tolerance fits every metric
             "fatol": 0.0,
             "initial_simplex": _simplex(start, bounds),
         }

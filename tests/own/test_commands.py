@@ -179,7 +179,20 @@ def test_nothing_is_written_over():
     assert (result.exit_code, Path("mine.yaml").read_text(), Path("mine.py").exists()) == (2, "precious", False)
 
 
-@pytest.mark.parametrize(("what", "name"), [("filter", "my-filter"), ("filter", "class"), ("scenario", "a/b")])
+@pytest.mark.parametrize(
+    ("what", "name"),
+    [
+        ("filter", "my-filter"),
+        ("filter", "class"),
+        ("filter", "kf"),
+        ("filter", "größe"),
+        ("filter", "n" * 101),
+        ("filter", "true"),
+        ("scenario", "a/b"),
+        ("scenario", "n" * 120),
+        ("scenario", "12"),
+    ],
+)
 def test_a_name_that_cannot_be_one_is_refused(what, name):
     assert rkfbench("new", what, name).exit_code == 2
     assert list(Path().iterdir()) == []

@@ -227,3 +227,8 @@ def test_entry_points_are_names_too(folder, monkeypatch):
     assert set(own.pins({"use": "theirs"})) == {"theirs"}
     with pytest.raises(SpecError, match="unknown filter 'thiers'"):
         build("thiers")
+
+
+def test_a_process_that_lacks_an_installed_package_refuses(folder):
+    with pytest.raises(InputChanged, match="source of theirs"):
+        own.ready(str(folder), {"theirs": "0123"})

@@ -105,6 +105,13 @@ def test_runs_and_seed_of_the_options_are_in_force(change) -> None:
     assert (change().runs, change().reference_runs) == (4, 8)
 
 
+def test_a_seed_is_one_that_can_be_read_back(change) -> None:
+    assert change(seed=2**63 - 1).seed == 2**63 - 1
+    for seed in (2**63, 10**20, -1):
+        with pytest.raises(ScenarioError, match=f"--seed {seed}: seed: should be"):
+            change(seed=seed)
+
+
 @pytest.mark.parametrize(
     "options",
     [

@@ -11,12 +11,18 @@ import numpy as np
 import pytest
 
 from rkfbench.errors import UsageError
+from rkfbench.filters import FILTERS
+from rkfbench.references import is_reference
+from rkfbench.scenario import load
 from rkfbench.store import Results
 from rkfbench.study.engines import serial
 from rkfbench.study.events import Stopped
 from rkfbench.study.precision import Goal, relative_error
 from rkfbench.study.run import Outcome, run_study
 from tests.study import fakes
+from tests.test_recording import EXAMPLE
+
+REFERENCES = ["clairvoyant_kf", "kf_clair", "truth", "zero", "bayes"]  # of the catalogue
 
 
 @pytest.fixture
@@ -103,9 +109,15 @@ def test_max_runs_ends_it_and_says_so(tmp_path: Path, compute: fakes.Compute) ->
 def test_extras_and_references_are_not_asked(tmp_path: Path, compute: fakes.Compute) -> None:
     ranked = fakes.scenario(filters=["hkf"])
     alone, _ = run(ranked, tmp_path / "alone", Goal({"rmse": 0.3}, 1000))
-    beside = fakes.scenario(filters=["hkf", "spare", "clairvoyant_kf"])
+    beside = fakes.scenario(filters=["hkf", "spare", *REFERENCES])
     outcome, _ = run(beside, tmp_path / "r", Goal({"rmse": 0.3}, 1000), full=True)
     assert outcome.runs == alone.runs == expected_runs(ranked, ["hkf"], 0.3, 1000)
+
+
+def test_a_filter_that_knows_more_than_the_others_is_a_reference() -> None:
+    more = [name for name, entry in FILTERS.items() if entry.needs & {"record", "flags", "truth"}]
+    assert all(map(is_reference, [*REFERENCES, *more]))
+    assert [name for name in FILTERS if is_reference(name) and name not in REFERENCES] == []
 
 
 def test_a_filter_that_raises_stops_the_search(tmp_path: Path, compute: fakes.Compute) -> None:
@@ -113,6 +125,16 @@ def test_a_filter_that_raises_stops_the_search(tmp_path: Path, compute: fakes.Co
     outcome, said = run(fakes.scenario(), tmp_path / "r", Goal({"rmse": 0.2}, 1000))
     assert outcome.failures and not said
     assert outcome.runs == fakes.BLOCK
+
+
+def test_a_relative_error_that_is_infinite_is_null_in_the_manifest(tmp_path: Path, compute: fakes.Compute) -> None:
+    run(fakes.scenario(), tmp_path / "r", Goal({"rmse": 0.01}, 1))
+    assert Results.open(tmp_path / "r").manifest["precision"]["largest"] is None
+
+
+def test_recorded_data_has_a_number_of_runs_of_its_own() -> None:
+    with pytest.raises(UsageError, match="chooses the number of runs, and recorded data has its own"):
+        Goal.of(["0.01"], 5, load(EXAMPLE))
 
 
 def test_relative_error_of_what_has_none() -> None:

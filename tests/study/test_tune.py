@@ -52,6 +52,16 @@ def test_a_range_becomes_a_grid() -> None:
         ("treshold=1:2", "did you mean 'threshold'"),
         ("root=symmetric,square", "should be 'symmetric' or 'cholesky'"),
         ("a.b=1:2", "the filter 'hkf' has no 'a.b'"),
+        ("threshold=1:.inf:3", "first < last, both finite"),
+        ("threshold=1:1e309", "first < last, both finite"),
+        ("threshold=-1e308:1e308", "first < last, both finite"),
+        ("threshold=1:2:.inf", "a whole number as count"),
+        ("threshold=1:2:3.9", "a whole number as count"),
+        ("threshold=1e-320:2:1e9", "a whole number as count"),
+        ("threshold=1e-320:2:1000000000", "between 2 and 1000 points are needed, not 1000000000"),
+        ("label=a,b", "'label' is not a parameter of the filter"),
+        ("extra=true,false", "'extra' is not a parameter of the filter"),
+        ("timing=true,false", "'timing' is not a parameter of the filter"),
     ],
 )
 def test_a_range_that_makes_no_sense_is_said(text: str, told: str, small: Path) -> None:
@@ -59,6 +69,26 @@ def test_a_range_that_makes_no_sense_is_said(text: str, told: str, small: Path) 
         axis(text, HKF, 5)
     result = rkfbench("tune", small, "--filter", "hkf", "--over", text)
     assert (result.exit_code, result.stdout) == (2, "")
+
+
+def test_what_a_filter_is_told_apart_may_be_tuned() -> None:
+    told = HKF | {"assumed": {"cov": 1.0}}
+    assert axis("assumed.cov=1,2", told, 3).values == (1, 2)
+    with pytest.raises(UsageError, match=r"unknown key \(did you mean 'cov'\?\)"):
+        axis("assumed.cof=1,2", told, 3)
+
+
+def test_a_parameter_that_is_given_twice_is_refused(small: Path) -> None:
+    twice = ["--over", "threshold=1:2", "--over", "threshold=2:3"]
+    result = rkfbench("tune", small, "--filter", "hkf", *twice)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "--over threshold: given 2 times" in result.stderr
+
+
+def test_too_many_settings_are_refused_before_they_are_made(small: Path) -> None:
+    along = [Axis(path, tuple(range(1, 1001))) for path in ("a", "b", "c", "d")]
+    with pytest.raises(UsageError, match="1000000000000 settings, more than 2000"):
+        tune(cell_of(small), HKF, along, "rmse", seed=5, runs=40)
 
 
 def test_the_choice_never_touches_the_test_runs(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
