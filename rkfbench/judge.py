@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rkfbench import scenario as scenarios
 from rkfbench.claims.checks import checks_of
-from rkfbench.claims.ledger import Row, claim_verdicts, ledger, under_switch
+from rkfbench.claims.ledger import ClaimVerdict, Row, claim_verdicts, ledger, under_switch
 from rkfbench.claims.plan import Cell, Outline, Outlines, family_problems, outline, own_paper, plan, problems
 from rkfbench.claims.records import COLUMNS, Change, record, stored, verify
 from rkfbench.claims.words import markdown, summary
@@ -103,14 +103,19 @@ def _noted(row: Row, results: Results) -> Row:
 
 def sentences(judged: Iterable[Verified]) -> Iterator[tuple[str, str, str]]:
     """(paper, reading, what holds in one sentence, and its caveat) over all that was judged of each paper."""
+    for name, parts, verdicts in by_paper(judged):
+        for reading in dict.fromkeys(reading for each in verdicts for reading in each.verdicts):
+            yield name, reading, ". ".join([summary(verdicts, reading), *caveats(parts, reading)])
+
+
+def by_paper(judged: Iterable[Verified]) -> Iterator[tuple[str, list[Verified], tuple[ClaimVerdict, ...]]]:
+    """(paper, what was judged of it, the verdicts on its claims over all of that)."""
     found: dict[str, list[Verified]] = {}
     for each in judged:
         found.setdefault(each.docket.name, []).append(each)
     for name, parts in found.items():
         docket = parts[0].docket
-        verdicts = claim_verdicts(docket.paper, [row for part in parts for row in part.rows], docket.outlines)
-        for reading in dict.fromkeys(reading for each in verdicts for reading in each.verdicts):
-            yield name, reading, ". ".join([summary(verdicts, reading), *caveats(parts, reading)])
+        yield name, parts, claim_verdicts(docket.paper, [row for part in parts for row in part.rows], docket.outlines)
 
 
 def caveats(judged: Iterable[Verified], reading: str) -> list[str]:

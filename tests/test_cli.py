@@ -326,6 +326,31 @@ def test_verify_lists_claims_and_notices_a_region_that_moved(claiming: Path) -> 
     assert "reproduced -> not reproduced" in moved.stderr
 
 
+def test_what_a_clock_decides_or_stands_beside_is_told_and_decides_no_exit_code(claiming: Path) -> None:
+    measured = "metric: err_norm, filters: hkf, cases: [rate=0.4]"
+    claiming.write_text(
+        claiming.read_text().replace("claims:\n", "claims:\n" + SLOW.replace("BESIDE", measured + ", above: 0"))
+    )
+    assert rkfbench("run", claiming).exit_code == 0
+    text = claiming.read_text().replace("above: 0}", "above: 1e9}")
+    claiming.write_text(text.replace("filters: kf, below: 1e9", "filters: kf, below: 1e-9"))
+    result = rkfbench("verify", "results/small")
+    assert result.exit_code == 0
+    told = [line for line in result.stderr.splitlines() if "(no difference that counts)" in line]
+    assert [line.rpartition(" (")[0].rpartition(": ")[2] for line in told] == ["reproduced -> not reproduced"] * 2
+    claiming.write_text(text.replace(*HARDER))
+    result = rkfbench("verify", "results/small")
+    assert result.exit_code == 3
+    assert "1 verdicts differ from claims.csv" in result.stderr
+
+
+SLOW = """\
+  - id: quick
+    says: a step takes no longer than this
+    bound: {metric: time_ms, filters: kf, below: 1e9, cases: [rate=0.4]}
+    beside:
+      - bound: {BESIDE}
+"""
 HARDER = ("along: cases}", "along: cases, margin: 1000}")
 
 
@@ -411,6 +436,16 @@ def test_explain_tells_what_was_measured_and_how_to_repeat_it(claiming: Path) ->
     assert command == f"repeat with: rkfbench run {claiming.name}"
     assert rkfbench(*command.split()[3:]).exit_code == 0
     assert "did you mean 'outliers'?" in rkfbench("explain", "outlier").stderr
+
+
+def test_explain_counts_the_cells_of_a_claim_by_their_verdicts(claiming: Path) -> None:
+    several = "bound: {metric: err_norm, filters: [[kf, hkf]], cases: [rate=0, rate=0.4], above: 0}"
+    claiming.write_text(claiming.read_text() + f"  - {{id: errors, says: they err, {several}}}\n")
+    rkfbench("run", claiming)
+    assert "[default] errors reproduced: all 4 cells\n" in rkfbench("explain", "errors").stdout
+    assert "| reproduced (all 4 cells) |" in Path("results/small/claims.md").read_text()
+    claiming.write_text(claiming.read_text().replace("above: 0}", "above: 1e9}"))
+    assert "[default] errors not reproduced: all 4 cells\n" in rkfbench("explain", "errors").stdout
 
 
 def test_the_caveat_of_a_reading_stands_in_the_ledger_and_in_what_is_told_of_it(claiming: Path) -> None:

@@ -10,6 +10,8 @@ import pytest
 
 from rkfbench.compare import chance, compare
 from rkfbench.compare.chance import Sample, Skew
+from rkfbench.compare.pair import Pair
+from rkfbench.compare.tested import counts
 from rkfbench.store import Results, files, manifest
 from rkfbench.study.summary import summarise
 
@@ -114,15 +116,20 @@ def test_means_that_overflow_are_judged_by_medians(tmp_path: Path) -> None:
     assert compare(folder("a", 1, 2.5), folder("b", 2, 0.0)).level == "different"
 
 
-def study(folder: Path, values: np.ndarray, failed: np.ndarray, seed: int = 7, per_run: bool = True) -> Results:
-    """A folder with the metric rmse of one filter in cases 0, 1, ..: values and failed (cases, runs)."""
+def study(
+    folder: Path, values: np.ndarray, failed: np.ndarray, seed: int = 7, per_run: bool = True, losing: bool = True
+) -> Results:
+    """A folder with the metric rmse of one filter in cases 0, 1, ..: values and failed (cases, runs).
+
+    losing: whether the scenario says when a run is lost, as failed ones are.
+    """
     rows, lines = [], []
     for case, (x, dead) in enumerate(zip(values, failed, strict=True)):
-        counts = {"runs": len(x), "failed": int(dead.sum()), "lost": int(dead.sum())}
+        counts = {"runs": len(x), "failed": int(dead.sum()), "lost": int(losing and dead.sum())}
         key = {"reading": "a", "case": str(case), "filter": "kf", "metric": "rmse"}
         rows.append(key | counts | summarise(x, dead))
         lines += [
-            ["a", case, i, "kf", int(d), int(d), "nan" if d else v]
+            ["a", case, i, "kf", int(d), int(d and losing), "nan" if d else v]
             for i, (v, d) in enumerate(zip(x, dead, strict=True))
         ]
     files.write_records(folder / "summary.csv", list(rows[0]), rows)
@@ -144,6 +151,18 @@ def test_failed_runs_alone_make_a_difference(tmp_path: Path, per_run: bool) -> N
     one = none.copy()
     one[0, 3] = True
     assert compare(a, study(tmp_path / "c", values, one, per_run=per_run)).level == "no statistical difference"
+
+
+@pytest.mark.parametrize("per_run", [True, False])
+def test_failed_runs_are_no_lost_ones_where_the_scenario_has_no_such_thing(tmp_path: Path, per_run: bool) -> None:
+    values, none = np.random.default_rng(3).standard_normal((4, 30)), np.zeros((4, 30), bool)
+    some = none.copy()
+    some[:, ::2] = True
+    a, b = (
+        study(tmp_path / name, values, dead, per_run=per_run, losing=False) for name, dead in (("a", none), ("b", some))
+    )
+    assert "lost" not in {each.key[3] for each in compare(a, b).differences}
+    assert {each.key[3] for each in counts(Pair(a, b, 1e-9))} == {"failed"}  # the family has no test of nothing
 
 
 def many(rng: np.random.Generator, runs: int) -> np.ndarray:

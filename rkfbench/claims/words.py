@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
-from math import inf, isnan, nan
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import isfinite, isnan, nan
 from typing import Any
 
 from rkfbench.claims.ledger import ClaimVerdict, Row, counts
-from rkfbench.claims.verdict import Verdict
+from rkfbench.claims.records import record
+from rkfbench.claims.verdict import Holds, Verdict
 
 _OTHERS: tuple[Verdict, ...] = ("not reproduced", "inconclusive", "not testable", "unsupported", "not run")
+_SHORT = {"not reproduced": "not"}  # beside how many are reproduced
+_MARGIN = ("flip", "flip_percent", "scale")
 IN_TEXT = ("text", "literature")  # what the papers say, or cite; the rest is counted apart
 
 
@@ -29,37 +32,54 @@ def sentence(row: Row) -> str:
         text += f", printed {form.printed.value:g}: {row.verdict}"
     elif row.verdict != "shown":
         text += f", claimed {row.region}: {row.verdict}"
-    notes = [*_judgement_notes(row), *_run_notes(row)]
-    return text + (f" ({'; '.join(notes)})" if notes else "")
+    notes = "; ".join(remarks(record(row)))
+    return text + (f" ({notes})" if notes else "")
 
 
-def _judgement_notes(row: Row) -> Iterable[str]:
-    judgement = row.judgement
-    if judgement.reason:
-        yield judgement.reason
-    if not isnan(judgement.resolution):
-        yield f"resolution {_percent(judgement.resolution)}"
-    if not isnan(judgement.flip_at) and abs(judgement.flip_at) < inf:
-        scale = row.observed.measured.scale if row.observed else nan
-        away = distance(judgement.flip, judgement.flip_percent, scale, row.cell.form.printed is not None)
-        yield f"would flip at {judgement.flip_at:.4g}{away}"
-    if row.verdict == "inconclusive" and row.observed and row.observed.measured.runs > 1:
-        runs = "repeats" if row.cell.family == "timing" else "runs"
-        needed = judgement.runs_needed
-        yield (
-            f"about {_rounded(needed)} {runs} would decide"
-            if needed
-            else f"no affordable number of {runs} would decide"
-        )
+def remarks(line: Mapping[str, Any]) -> Iterator[str]:
+    """What the reader is told of a line of claims.csv besides its numbers: why, how finely, where the verdict would
+    flip, what would decide, whose runs were lost, and which filter was chosen.
+    """
+    if line.get("reason"):
+        yield line["reason"]
+    if line.get("resolution") is not None:
+        yield f"resolution {_percent(line['resolution'])}"
+    if line.get("flip_at") is not None and isfinite(line["flip_at"]):
+        flip, percent, scale = (nan if line.get(name) is None else line[name] for name in _MARGIN)
+        yield f"would flip at {line['flip_at']:.4g}{distance(flip, percent, scale, bool(line.get('printed_runs')))}"
+    if line["verdict"] == "inconclusive" and (line.get("runs") or 0) > 1:
+        runs = "repeats" if line["family"] == "timing" else "runs"
+        needed = line.get("runs_needed")
+        affordable = f"about {_rounded(needed)}" if needed else "no affordable number of"
+        yield f"{affordable} {runs} would decide"
+    if line.get("lost") or line.get("failed"):
+        yield f"{line.get('lost') or 0} runs lost, {line.get('failed') or 0} of them failed"
+        beside = [f"{name} {line[name]:.4g}" for name in ("mean", "median") if line.get(name) is not None]
+        if beside:
+            yield ", ".join(beside)
+    if line.get("chosen"):
+        yield f"chosen on tuning runs: {line['chosen']}"
 
 
-def _run_notes(row: Row) -> Iterable[str]:
-    observed = row.observed
-    if observed and (observed.lost or observed.failed):
-        yield f"{observed.lost} runs lost, {observed.failed} of them failed"
-        yield f"mean {observed.mean:.4g}, median {observed.median:.4g}"
-    if observed and observed.chosen:
-        yield f"chosen on tuning runs: {observed.chosen}"
+def among(verdicts: Sequence[str], holds: Holds = "all") -> str:
+    """What the deciding cells of a claim say: `46 of 96 cells reproduced, 42 not, 8 inconclusive`, or `all 96 cells`.
+
+    "" where there is one cell only. holds: whether the claim holds if all of its cells do, or any.
+    """
+    if len(verdicts) < 2:
+        return ""
+    number = Counter(verdicts)
+    if len(number) == 1:
+        return "both cells" if len(verdicts) == 2 else f"all {len(verdicts)} cells"
+    others = [f"{number[each]} {_SHORT.get(each, each)}" for each in _OTHERS if number[each]]
+    enough = ["one is enough"] if holds == "any" else []
+    return ", ".join([f"{number['reproduced']} of {len(verdicts)} cells reproduced", *others, *enough])
+
+
+def apart(evidence: str, timing: bool, extra: bool) -> str:
+    """Why a claim is not counted with what the papers say: `evidence: ours; extra`; "" where it is counted so."""
+    whose = "" if evidence in IN_TEXT else f"evidence: {evidence}"
+    return "; ".join(filter(None, (whose, "computing time" if timing else "", "extra" if extra else "")))
 
 
 def distance(flip: float, percent: float, scale: float, printed: bool) -> str:
@@ -117,14 +137,17 @@ def markdown(title: str, verdicts: Iterable[ClaimVerdict], about: Iterable[str] 
         f"# {title}",
         "",
         *(line for each in about if each for line in (each, "")),
-        "| claim | the paper says | reading | verdict | decided by |",
+        "| id | claim | reading | verdict | decided by |",
         "|---|---|---|---|---|",
     ]
     for each in verdicts:
-        says = f"{each.claim.says} ({each.claim.locator})" if each.claim.locator else each.claim.says
+        aside = "; ".join(filter(None, (each.claim.locator, apart(each.claim.evidence, each.timing, each.claim.extra))))
+        says = f"{each.claim.says} ({aside})" if aside else each.claim.says
         for reading, verdict in each.verdicts.items():
             row = each.decisive.get(reading)
-            cells = (each.id, says, reading, verdict, sentence(row) if row else "")
+            cells_say = among([row.verdict for row in each.rows[reading]], each.claim.holds)
+            judged = f"{verdict} ({cells_say})" if cells_say else verdict
+            cells = (each.id, says, reading, judged, sentence(row) if row else "")
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
             says = ""
     return "\n".join(lines) + "\n"

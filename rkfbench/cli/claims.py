@@ -14,6 +14,7 @@ from rkfbench.cli.terminal import Terminal
 
 if TYPE_CHECKING:
     from rkfbench.claims.ledger import Row
+    from rkfbench.claims.records import Change
     from rkfbench.judge import Verified
     from rkfbench.scenario import Scenario
 
@@ -30,7 +31,7 @@ def add_to(app: typer.Typer) -> None:
 def verify(terminal: Terminal, folders: Folders) -> None:
     """Judge the claims as they stand now on the numbers of results folders.
 
-    Exit code 3 when a verdict differs from the one in claims.csv.
+    Exit code 3 when a verdict differs from the one in claims.csv, unless a clock decides it or it only stands beside.
     """
     from rkfbench.claims.records import record
     from rkfbench.errors import Different
@@ -50,9 +51,11 @@ def verify(terminal: Terminal, folders: Folders) -> None:
         terminal.records([_line(row) for row in rows], columns)
         for text in _caveats(judged, rows):
             terminal.note(text)
-    if changes:
-        told = [f"{' '.join(change.key)}: {change.before or 'new'} -> {change.now or 'gone'}" for change in changes]
-        raise Different("\n".join([*told, f"{len(changes)} verdicts differ from claims.csv"]))
+    for change in changes:
+        if not change.matters:
+            terminal.note(f"{_told(change)} (no difference that counts)")
+    if matter := [_told(change) for change in changes if change.matters]:
+        raise Different("\n".join([*matter, f"{len(matter)} verdicts differ from claims.csv"]))
 
 
 @command
@@ -80,6 +83,8 @@ def explain(
     said = mine[0].cell.claim
     terminal.data(f"{claim}: {said.says}")
     terminal.data(f"{said.locator} (evidence: {said.evidence})" if said.locator else f"evidence: {said.evidence}")
+    for text in _among(judged, claim):
+        terminal.data(text)
     for row in mine:
         role = "" if row.cell.role == "decides" else "beside: "
         terminal.data(f"\n[{row.cell.reading}] {role}{sentence(row)}")
@@ -128,6 +133,24 @@ def _source(scenario: Scenario) -> str:
 
     mine = bundled().get(scenario.name)
     return scenario.name if mine and display(mine) == scenario.file else scenario.file
+
+
+def _told(change: Change) -> str:
+    return f"{' '.join(change.key)}: {change.before or 'new'} -> {change.now or 'gone'}"
+
+
+def _among(judged: Iterable[Verified], claim: str) -> Iterator[str]:
+    """The verdict on a claim under each reading, and how many of its cells say so, where it has several."""
+    from rkfbench.claims.words import among
+    from rkfbench.judge import by_paper
+
+    for _, _, verdicts in by_paper(judged):
+        for each in verdicts:
+            for reading, rows in each.rows.items():
+                said = among([row.verdict for row in rows], each.claim.holds)
+                own = reading in {row.cell.reading for row in rows}  # else the scenario has no such reading
+                if said and own and claim in (each.id, each.claim.id):
+                    yield f"[{reading}] {each.id} {each.verdicts[reading]}: {said}"
 
 
 def _caveats(judged: Iterable[Verified], rows: Iterable[Row]) -> Iterator[str]:

@@ -36,6 +36,8 @@ def counts(pair: Pair) -> Iterator[Difference]:
     for what, read in (("failed", Results.failed), ("lost", Results.lost)):
         for group, key in groups.items():
             first, second = pair.first[key], pair.second[key]
+            if not (first[what] or second[what]):  # a failed run counts as lost only where there is such a thing
+                continue
             if pair.paired:
                 x, y = _together(read(pair.a, *group), read(pair.b, *group))
                 z, tested = chance.signs(int((x & ~y).sum()), int((y & ~x).sum())), bool((x != y).any())

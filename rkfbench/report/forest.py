@@ -35,7 +35,7 @@ VERDICT_COLOURS = {"reproduced": style.BLUE, "not reproduced": style.RED}  # any
 
 @dataclass(frozen=True)
 class Line:
-    """One row: the deciding cell of a claim under a reading. The last six say where things lie, 0 left and 1 right."""
+    """One row: the deciding cell of a claim under a reading. `at` to `edges` are places, 0 left and 1 right."""
 
     claim: str
     reading: str
@@ -50,6 +50,7 @@ class Line:
     region: tuple[float, float]
     edges: tuple[tuple[float, str], ...]  # the finite edges of the region with their numbers
     row: Row
+    rests_on: str = ""  # what the reader should know of the cells behind the verdict
 
     @property
     def record(self) -> Row:

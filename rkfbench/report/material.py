@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from statistics import fmean, median, stdev
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
@@ -38,12 +37,12 @@ class Material:
     def summary(self) -> dict[Key, Row]:
         """Computed numbers, measured times, and the shares of failed and lost runs as metrics of those names."""
         rows: dict[Key, Row] = {key_of(row): row for row in self.results.summary}
-        rows |= {key_of(row): row for row in self._times()}
         for (reading, case, label, _), row in list(rows.items()):
             for what in ("failed", "lost"):
                 if row.get(what) is not None:
                     rows.setdefault((reading, case, label, what), _share(row, what))
-        return rows
+        times = self.results.timings.get("times", ())  # repeats are no runs, of which some might fail
+        return rows | {key_of(row): row for row in times}
 
     @cached_property
     def series(self) -> dict[Key, list[Row]]:
@@ -184,18 +183,6 @@ class Material:
     def has_values(self, metric: str) -> bool:
         """Whether the numbers of single runs are there; those of times always are."""
         return self.results.has_runs or is_time(metric)
-
-    def _times(self) -> Iterator[Row]:
-        """The repeats of every measured time as rows of the summary."""
-        repeats: dict[Key, list[float]] = {}
-        for row in self.results.timings.get("repeats", ()):
-            repeats.setdefault(key_of(row), []).append(row["value"])
-        for key, values in repeats.items():
-            count, mean, middle = len(values), fmean(values), median(values)
-            sd = stdev(values) if count > 1 else None
-            place = dict(zip(("reading", "case", "filter", "metric"), key, strict=True))
-            error = None if sd is None else sd / math.sqrt(count)
-            yield place | {"runs": count, "mean": mean, "sd": sd, "se": error, "median": middle}
 
     def parameter_values(self, family: str, parameter: str) -> dict[str, float | str]:
         """Label -> value of a parameter, in its order, for the filters that are labelled `family` or `family[...]`; for

@@ -267,7 +267,7 @@ def _paper_view(key: str, scenarios: list[ScenarioView]) -> PaperView:
     scenarios = sorted(scenarios, key=lambda each: bool(paper and each.name not in paper.scenarios))
     outcomes = [each.outcome for each in scenarios]
     first = outcomes[0].scenario
-    rows = [row for outcome in outcomes for row in outcome.results.claims]
+    rows = [row | {"all_runs": each.results.runs} for each in outcomes for row in each.results.claims]
     of_scenario = {outcome.scenario.name: outcome.material.own_readings for outcome in outcomes}
     named = distinct(reading for readings in of_scenario.values() for reading in readings)
     readings = [reading for reading in named if reading != "default"] or named

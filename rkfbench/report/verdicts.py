@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from rkfbench.claims import words
 from rkfbench.claims.verdict import Holds, combine
-from rkfbench.claims.words import IN_TEXT, distance, phrase
+from rkfbench.claims.words import IN_TEXT, phrase
 from rkfbench.report import forest
-from rkfbench.report.material import distinct, number, text
+from rkfbench.report.material import distinct, text
 from rkfbench.report.numbers import written
 from rkfbench.scenario.claims import Claim
 from rkfbench.scenario.paper_schema import Paper
@@ -51,9 +51,33 @@ class ClaimView:
     def lines(self) -> list[forest.Line]:
         """The deciding cell under each reading of the paper, placed for the forest plot."""
         return [
-            replace(forest.line(forest.deciding(cells, self.holds), len(cells)), reading=readings)
+            replace(
+                forest.line(forest.deciding(cells, self.holds), len(cells)),
+                reading=readings,
+                rests_on=self._rests_on(cells),
+            )
             for readings, cells, _ in self.seen
         ]
+
+    @property
+    def apart(self) -> str:
+        """Why it is not counted with what the paper says."""
+        return words.apart(self.evidence, self.timing, self.extra)
+
+    @property
+    def where(self) -> str:
+        """Its place in the paper, and why it is not counted with what the paper says."""
+        return "; ".join(filter(None, (self.locator, self.apart)))
+
+    def rests_on(self, reading: str) -> str:
+        """What the reader should know of the cells behind the verdict under a reading."""
+        return self._rests_on(self.cells.get(reading, []))
+
+    def _rests_on(self, cells: Sequence[Row]) -> str:
+        lost = mostly_lost(forest.deciding(cells, self.holds)) if cells else ""
+        if lost and len(cells) > 1:
+            lost += " in the one that decides"
+        return "; ".join(filter(None, (words.among([row["verdict"] for row in cells], self.holds), lost)))
 
 
 def claim_views(
@@ -117,8 +141,8 @@ def tally(claims: Sequence[ClaimView], reading: str) -> list[tuple[str, int]]:
 
 def sentence(claims: Sequence[ClaimView], reading: str) -> str:
     """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced.`"""
-    words = phrase(**_counted(claims, reading))
-    return f"{words[0].upper()}{words[1:]}."
+    said = phrase(**_counted(claims, reading))
+    return f"{said[0].upper()}{said[1:]}."
 
 
 def mark(verdict: str) -> str:
@@ -154,20 +178,14 @@ def claimed(row: Row) -> str:
 
 
 def remarks(row: Row) -> str:
-    """The margin at which the verdict would flip, what would decide, and whose runs were lost."""
-    notes = [text(row.get("reason"))] if row.get("reason") else []
-    if row.get("flip_at") is not None and math.isfinite(row["flip_at"]):
-        flip, percent, scale = (number(row.get(name)) for name in ("flip", "flip_percent", "scale"))
-        away = distance(flip, percent, scale, bool(row.get("printed_runs")))
-        notes.append(f"would flip at {row['flip_at']:.4g}{away}")
-    if row["verdict"] == "inconclusive" and row.get("runs"):
-        needed = row.get("runs_needed")
-        notes.append(f"about {needed} runs would decide" if needed else "no affordable number of runs would decide")
-    if row.get("lost") or row.get("failed"):
-        notes.append(f"{row.get('lost') or 0} lost, {row.get('failed') or 0} failed")
-        if row.get("mean") is not None and row.get("median") is not None:
-            notes.append(f"mean {row['mean']:.4g}, median {row['median']:.4g}")
-    return "; ".join(notes)
+    """What the ledger tells of a cell besides its numbers."""
+    return "; ".join(words.remarks(row))
+
+
+def mostly_lost(row: Row) -> str:
+    """`1990 of 2000 runs lost`, where those are more than half: then a verdict rests on runs that say little."""
+    lost, runs = row.get("lost") or 0, row.get("all_runs") or 0
+    return f"{lost} of {runs} runs lost" if 2 * lost > runs > 0 else ""
 
 
 def _counted(claims: Sequence[ClaimView], reading: str) -> dict[str, Counter[str]]:

@@ -13,9 +13,10 @@ from rkfbench.claims.ledger import ClaimVerdict, Row, claim_verdicts, counts, fa
 from rkfbench.claims.plan import Outline, plan
 from rkfbench.claims.records import COLUMNS, KEY, record, stored, verify
 from rkfbench.claims.verdict import judge
-from rkfbench.claims.words import markdown, sentence, summary
+from rkfbench.claims.words import among, markdown, remarks, sentence, summary
 from rkfbench.errors import UsageError
 from rkfbench.report.verdicts import claim_views
+from rkfbench.report.verdicts import remarks as page
 from rkfbench.report.verdicts import sentence as said_by_the_report
 from rkfbench.scenario.paper_schema import Paper
 from tests.claims.fakes import Arrays
@@ -271,6 +272,38 @@ def test_a_stored_win_probability_is_judged_as_one() -> None:
     assert changes == ()
     assert again[0].region == first[0].region == replace(first[0].region, low=0.5)
     assert records.record(again[0]) == record(first[0])
+
+
+def test_the_deciding_cells_of_a_claim_are_counted_by_their_verdicts() -> None:
+    assert among(["reproduced"]) == ""
+    assert among(["inconclusive"] * 2) == "both cells"
+    assert among(["reproduced"] * 96) == "all 96 cells"
+    mixed = [*["reproduced"] * 46, *["not reproduced"] * 42, *["inconclusive"] * 8]
+    assert among(mixed) == "46 of 96 cells reproduced, 42 not, 8 inconclusive"
+    assert among(["not reproduced", "not run"]) == "0 of 2 cells reproduced, 1 not, 1 not run"
+    assert among(["reproduced", "inconclusive"], "any") == "1 of 2 cells reproduced, 1 inconclusive, one is enough"
+
+
+def test_the_page_tells_of_a_cell_what_the_ledger_tells() -> None:
+    for row in rows():
+        assert row.cell.kind == "exact" or sentence(row).endswith(f"({said})" if (said := page(record(row))) else "")
+    timed = {"verdict": "inconclusive", "family": "timing", "runs": 20}
+    assert list(remarks(timed | {"runs_needed": 2859})) == ["about 2900 repeats would decide"]
+    assert list(remarks(timed | {"family": "primary"})) == ["no affordable number of runs would decide"]
+    lost = {"verdict": "reproduced", "lost": 3, "failed": 1, "mean": None, "median": 2.5, "chosen": "a"}
+    assert list(remarks(lost)) == ["3 runs lost, 1 of them failed", "median 2.5", "chosen on tuning runs: a"]
+
+
+def test_the_markdown_ledger_marks_what_is_not_counted_with_what_the_papers_say() -> None:
+    lines = {
+        line.split(" | ")[0].strip("| "): line for line in reversed(markdown("", verdicts().values()).splitlines())
+    }
+    marks = {"P-1": "x |", "P-2": "x |", "P-3": "x (evidence: reconstruction) |", "t-a": "x (evidence: ours) |"}
+    marks |= {"P-7": "x (extra) |", "P-8": "x (computing time) |"}
+    assert {name: lines[name].split(" | ")[1] + " |" for name in marks} == marks
+    assert "the paper says" not in "".join(lines)
+    assert "| reproduced (both cells) |" in lines["P-1"]
+    assert "| not reproduced (1 of 2 cells reproduced, 1 not) |" in lines["t-b"]
 
 
 def test_what_must_be_said_stands_below_the_title_of_the_ledger() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from rkfbench.report.material import Material
 from rkfbench.scenario.paper_schema import PrintedLine, PrintedRow, PrintedTable
 from rkfbench.store import Results, files, manifest
+from rkfbench.study import clock
 from rkfbench.study.summary import QUANTILES
 
 READINGS = ("literal", "root")
@@ -19,6 +20,7 @@ RATES = (0.05, 0.2, 0.3, 0.4)
 VARIANTS = {"hkf[threshold=0.5]": 1.5, "hkf[threshold=3]": 1.7}
 LEVEL = {"clairvoyant_kf": 1.0, "kf": 2.0, "hkf": 1.4, "aladkf": 1.3, **VARIANTS}
 EXTRAS = frozenset(VARIANTS)
+TIMES = {"kf": 14.0, "hkf": 33.0}
 RUNS, STEPS = 60, 40
 
 SCENARIO = """\
@@ -90,16 +92,12 @@ def write_results(folder: Path, *, with_runs: bool = True, dead: str = "") -> Re
     files.write_records(folder / "series.csv", list(series[0]), series)
     files.write_records(folder / "filters.csv", ["label", "name", "threshold"], list(_filters()))
     files.write_records(folder / "claims.csv", list(claim_row()), list(_claims()))
-    timed = itertools.product((("kf", 14.0), ("hkf", 33.0)), range(3))
-    times = [("literal", "rate=0.05", n, label, "time_ms", ms + n) for (label, ms), n in timed]
-    files.write_csv(
-        folder / "timings" / "repeats.csv", ["reading", "case", "repeat", "filter", "metric", "value"], times
-    )
     if with_runs:
         files.write_records(folder / "runs.csv", list(runs[0]), runs)
     facts = {"argv": ["rkfbench", "run", "fake"], "commit": "abc", "versions": {"numpy": "2"}}
-    names = (*manifest.TOP, "timings/repeats.csv")
-    manifest.seal(folder, *names, scenario="fake", seed=5, runs=RUNS, **facts)
+    manifest.seal(folder, *manifest.TOP, scenario="fake", seed=5, runs=RUNS, **facts)
+    timed = {("literal", "rate=0.05", label, "time_ms"): [ms, ms + 1, ms + 2] for label, ms in TIMES.items()}
+    clock.write(clock.Times("", timed), folder)
     return Results.open(folder)
 
 

@@ -11,8 +11,9 @@ from rkfbench.errors import UsageError
 from rkfbench.report import verdicts
 from rkfbench.report.page import write_report
 from rkfbench.report.render import render
-from rkfbench.store import Results, manifest
+from rkfbench.store import Results, files, manifest
 from tests.report import fakes
+from tests.report.fakes import RUNS
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 
@@ -141,8 +142,46 @@ def test_readings_that_see_the_same_cells_share_a_line() -> None:
 def test_the_ledger_holds_every_cell_with_its_flip_margin_and_what_stands_beside(page: Page) -> None:
     text = " ".join(page.text.split())
     assert "would flip at 2.45, from the edge by 98 % of the level 2.5" in text
-    assert "about 700 runs would decide; 3 lost, 0 failed; mean 2.49, median 2.5" in text
+    assert "about 700 runs would decide; 3 runs lost, 0 of them failed; mean 2.49, median 2.5" in text
     assert "shown beside" in text
+
+
+def test_both_pages_tell_whose_a_claim_is_and_what_its_cells_say_in_headline_and_ledger(
+    written: Path, page: Page
+) -> None:
+    text, html = (written / "report.md").read_text(encoding="utf-8"), " ".join(page.text.split())
+    assert text.count("the HKF beats the KF <always> (evidence: ours) |") == 2  # under two readings
+    assert "the HKF beats the KF <always> | evidence: ours | ● reproduced (both cells) | ◇ inconclusive |" in text
+    assert text.count("● reproduced (both cells) |") == 2
+    assert html.count("mine-1 the HKF beats the KF <always> evidence: ours") == 1
+    assert html.count("mine-1: the HKF beats the KF <always> evidence: ours") == 1
+    assert html.count("both cells") == 2
+
+
+def test_a_verdict_that_rests_on_lost_runs_says_so() -> None:
+    def rests_on(*lost: int, verdict: str = "reproduced") -> str:
+        rows = [fakes.claim_row(lost=each, all_runs=60, flip_percent=each) for each in lost]
+        rows[0] |= {"verdict": verdict}
+        (view,) = verdicts.claim_views(rows, ["literal"], {"fake": ["literal"]}, None, [])
+        assert view.lines[0].rests_on == view.rests_on("literal")
+        return view.rests_on("literal")
+
+    assert rests_on(30) == ""
+    assert rests_on(31) == "31 of 60 runs lost"
+    assert rests_on(40, 50) == "both cells; 40 of 60 runs lost in the one that decides"
+    assert rests_on(40, 50, verdict="not reproduced") == (
+        "1 of 2 cells reproduced, 1 not; 40 of 60 runs lost in the one that decides"
+    )
+
+
+def test_lost_runs_are_told_on_both_pages(folder: Path) -> None:
+    claims = (folder / "claims.csv").read_text()
+    lines = [fakes.claim_row(lost=RUNS - 1, flip_percent=1.0)]
+    files.write_records(folder / "claims.csv", claims.splitlines()[0].split(","), lines)
+    manifest.seal(folder)
+    render(folder)
+    for path in write_report([folder], folder):
+        assert path.read_text(encoding="utf-8").count(f"{RUNS - 1} of {RUNS} runs lost") == 2  # headline and ledger
 
 
 def test_the_sensitivity_matrix_has_a_row_a_switch(page: Page) -> None:
