@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from rkfbench.study import timing
+import pytest
+
+from rkfbench.scenario import load
+from rkfbench.study import clock, timing
 from tests.contract import SPECS
 
 SPEC = {**SPECS["navigation"], "filters": [{"label": label, "use": label} for label in ("kf", "hkf", "clairvoyant_kf")]}
@@ -28,3 +31,11 @@ def test_a_time_is_scaled_to_the_steps_of_a_run_and_to_one_run_and_step(monkeypa
 def test_a_reference_that_needs_the_record_is_timed_too(monkeypatch):
     monkeypatch.setattr(timing, "REPEATS", 1)
     assert len(list(timing.measure("case", SPEC, 1, ["clairvoyant_kf"]))) == 2
+
+
+@pytest.mark.parametrize(
+    ("metric", "labels"), [("time_ms", {"kf", "hkf"}), ("1000 * time_ms", {"kf", "hkf"}), ("err_norm", set())]
+)
+def test_the_times_that_a_table_shows_are_wanted_also_within_arithmetic(small, metric, labels):
+    small.write_text(small.read_text() + f"tables: [{{id: t, metric: {metric}}}]\n")
+    assert clock.wanted(load(small), ()) == dict.fromkeys(("rate=0", "rate=0.4"), labels)
