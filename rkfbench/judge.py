@@ -15,7 +15,7 @@ from pathlib import Path
 from rkfbench import scenario as scenarios
 from rkfbench.claims.checks import checks_of
 from rkfbench.claims.ledger import ClaimVerdict, Row, claim_verdicts, ledger, under_switch
-from rkfbench.claims.plan import Cell, Outline, Outlines, family_problems, outline, own_paper, plan, problems
+from rkfbench.claims.plan import Cell, Outline, Outlines, faults, outline, own_paper, plan
 from rkfbench.claims.records import COLUMNS, Change, record, stored, verify
 from rkfbench.claims.words import markdown, summary
 from rkfbench.errors import SpecError, UsageError
@@ -149,7 +149,8 @@ def dockets(scenario: Scenario, results: Results | None = None) -> list[Docket]:
         if scenario.name in docket.paper.scenarios:
             found.append(docket)
     if scenario.claims:
-        own, outlines = own_paper(scenario.name, scenario.claims), {scenario.name: outline(scenario)}
+        own = own_paper(scenario.name, scenario.claims)
+        outlines = {scenario.name: outline(scenario.cells, scenario.paper_runs, checks_of(scenario.paper or ""))}
         found.append(Docket(scenario.name, own, plan(own, outlines), outlines))
     return [_with_switches(docket, scenario.name, results) for docket in found]
 
@@ -168,12 +169,11 @@ def _paper(name: str) -> Docket:
     """The claims of a bundled paper on all of its scenarios."""
     outlines: dict[str, Outline] = {}
 
-    def faults(paper: Paper) -> Iterator[SpecError]:
+    def found(paper: Paper) -> Iterator[SpecError]:
         bundled = scenarios.bundled()
         loaded = (scenarios.load_bundled(each) for each in paper.scenarios if each in bundled)
-        outlines.update({each.name: outline(each, tuple(checks_of(name))) for each in loaded})
-        found = list(problems(paper, outlines))
-        yield from found or family_problems(paper, plan(paper, outlines), outlines)
+        outlines.update({each.name: outline(each.cells, each.paper_runs, checks_of(name)) for each in loaded})
+        yield from faults(paper, outlines)
 
-    paper = scenarios.load_paper(name, faults)
+    paper = scenarios.load_paper(name, found)
     return Docket(name, paper, plan(paper, outlines), outlines)

@@ -270,6 +270,16 @@ def test_validate_tells_every_problem_with_its_line(small: Path) -> None:
     assert {problem["line"] for problem in verdict["problems"]} >= {3, 11}
 
 
+@pytest.mark.parametrize("command", ["validate", "run"])
+def test_a_claim_that_cannot_be_judged_is_refused_with_its_line_before_anything_runs(
+    claiming: Path, command: str
+) -> None:
+    claiming.write_text(claiming.read_text().replace("err_norm, filters", "pooled_rmse, filters"))
+    result = rkfbench(command, claiming)
+    assert (result.exit_code, result.stdout, Path("results").exists()) == (2, "", False)
+    assert re.search(r"small.yaml:\d+:24: claims.outliers.ordering.metric: unknown metric 'pooled_rmse'", result.stderr)
+
+
 @pytest.mark.parametrize("kind", ["filters", "moments", "weights", "schemes", "models", "noises", "metrics"])
 def test_everything_that_is_listed_can_be_shown(kind: str) -> None:
     names = [row["name"] for row in json.loads(rkfbench("list", kind, "--json").stdout)]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rkfbench.claims.expression import Expression
+from rkfbench.times import is_time
 
 Combination = Literal["value", "difference", "relative", "ratio", "slope", "smallest", "eigenvalue"]
 
@@ -54,5 +55,5 @@ class Estimand:
 
     @property
     def timing(self) -> bool:
-        """Whether it is made of clock values: every metric begins with `time`."""
-        return all(name.startswith("time") for point in self.points for name in point.metric.names())
+        """Whether it is made of clock values."""
+        return all(is_time(name) for point in self.points for name in point.metric.names())

@@ -32,6 +32,7 @@ from rkfbench.scenario.paper_schema import Paper
 
 _SINGULAR = {"cases": "case", "filters": "filter", "metric": "metric"}  # in the order of crossing, slowest first
 _ALL = Region()
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
 @dataclass(frozen=True)
@@ -176,7 +177,7 @@ def slope_weights(items: tuple[str, ...], points: list[float] | None = None) -> 
     Without `points`, t are the numbers in the labels (`rate=0.4`).
     """
     if points is None:
-        numbers = [re.findall(r"=([-+.\deE]+)(?:,|$)", item) for item in items]
+        numbers = [re.findall(rf"=({_NUMBER})(?:,|$)", item) for item in items]
         if any(len(each) != 1 for each in numbers):
             raise SpecError("the labels do not hold one number each (`rate=0.4`): give `points`", ("points",))
         points = [float(each[0]) for each in numbers]

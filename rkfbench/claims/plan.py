@@ -15,9 +15,10 @@ from rkfbench.claims.forms import Form, forms
 from rkfbench.errors import SpecError, did_you_mean
 from rkfbench.scenario.claims import Claim, Part, Role, names_used
 from rkfbench.scenario.paper_schema import Paper
+from rkfbench.times import FORMS
 
 if TYPE_CHECKING:
-    from rkfbench.scenario.scenario import Scenario
+    from rkfbench.scenario.scenario import Cell as Condition
 
 Family = Literal["primary", "extra", "timing", "exact", "none"]
 
@@ -42,7 +43,9 @@ class Outline:
 Outlines = Mapping[str, Outline]
 
 
-def outline(scenario: Scenario, checks: Sequence[str] = (), timed: Sequence[str] = ()) -> Outline:
+def outline(
+    cells: Sequence[Condition], paper_runs: int, checks: Iterable[str] = (), timed: Iterable[str] = ()
+) -> Outline:
     """What a scenario offers: all of its cells, both tiers, and the metrics that are one number a run.
 
     Left out are curves (`rmse@k`) and metrics whose summary is no mean over the runs (`pooled_rmse`; claims write
@@ -57,7 +60,6 @@ def outline(scenario: Scenario, checks: Sequence[str] = (), timed: Sequence[str]
         metric = metrics.get(name)
         return not metric.curve and metric.statistic == "mean"
 
-    cells = scenario.cells
     return Outline(
         readings=unique(cell.reading for cell in cells),
         cases=unique(cell.case for cell in cells),
@@ -65,7 +67,7 @@ def outline(scenario: Scenario, checks: Sequence[str] = (), timed: Sequence[str]
         metrics=unique(name for cell in cells for name in cell.spec["metrics"] if is_number(name)),
         checks=tuple(checks),
         timed=tuple(timed),
-        paper_runs=scenario.paper_runs,
+        paper_runs=paper_runs,
     )
 
 
@@ -106,8 +108,11 @@ def faults(paper: Paper, outlines: Outlines) -> Iterator[SpecError]:
 
 
 def own_paper(name: str, claims: Sequence[Claim]) -> Paper:
-    """The claims of a user's scenario as a paper of their own: a family without a frozen size."""
-    return Paper(cite=name, scenarios=[name], claims=list(claims))
+    """The claims of a user's scenario as a paper of their own: a family without a frozen size.
+
+    They have been read, and are not checked again: an id that stands twice is told where it stands.
+    """
+    return Paper.model_construct(cite=name, scenarios=[name], claims=list(claims))
 
 
 def problems(paper: Paper, outlines: Outlines) -> Iterator[SpecError]:
@@ -120,10 +125,21 @@ def problems(paper: Paper, outlines: Outlines) -> Iterator[SpecError]:
         for j, each in enumerate(selection.filters):
             if each not in filters:
                 yield _unknown("filter", each, filters).under("select", name, "from", j)
+    yield from unwritten(paper, outlines)
+    yield from unknown(paper, outlines)
+
+
+def unwritten(paper: Paper, outlines: Outlines) -> Iterator[SpecError]:
+    """Every measurement of a claim that cannot be written out, whatever its names stand for."""
     for i, claim in enumerate(paper.claims):
         for path, _, part in claim.parts():
             for error in _part_problems(paper, part, outlines):
                 yield error.under("claims", i, *path, part.kind)
+
+
+def unknown(paper: Paper, outlines: Outlines) -> Iterator[SpecError]:
+    """Every name in a claim that its scenario does not have."""
+    for i, claim in enumerate(paper.claims):
         for scenario in paper.scenarios:
             if scenario in outlines:
                 for error in _name_problems(paper, claim, scenario, outlines[scenario]):
@@ -143,15 +159,15 @@ def _part_problems(paper: Paper, part: Part, outlines: Outlines) -> Iterator[Spe
         return
     for form in written:
         outline = outlines.get(form.scenario)
-        if outline and form.check and outline.checks and form.check not in outline.checks:
+        if outline and form.check and form.check not in outline.checks:
             yield _unknown("check", form.check, outline.checks).under("check")
         if outline and form.printed and form.estimand:
             (point,) = form.estimand.points
             for kind, expression in (("filter", point.filter), ("case", point.case), ("metric", point.metric)):
                 for name in expression.names():
                     if name not in _known(paper, outline, kind):
-                        unknown = _unknown(kind, name, _known(paper, outline, kind))
-                        yield SpecError(f"{form.text}: {unknown.message}", ("table",))
+                        absent = _unknown(kind, name, _known(paper, outline, kind))
+                        yield SpecError(f"{form.text}: {absent.message}", ("table",))
 
 
 def _name_problems(paper: Paper, claim: Claim, scenario: str, outline: Outline) -> Iterator[SpecError]:
@@ -161,7 +177,7 @@ def _name_problems(paper: Paper, claim: Claim, scenario: str, outline: Outline) 
         known = _known(paper, outline, use.kind)
         if use.kind == "filter" and use.name in outline.timed:
             continue
-        if use.name in known or (use.kind == "metric" and use.name.startswith("time")):
+        if use.name in known:
             continue
         if use.kind == "case" and not use.name:
             yield SpecError(f"`cases` is missing; the scenario has {', '.join(outline.cases[:8])}", use.path[:-1])
@@ -174,7 +190,7 @@ def _known(paper: Paper, outline: Outline, kind: str) -> tuple[str, ...]:
         "reading": outline.readings,
         "case": (*outline.cases, *paper.groups),
         "filter": (*outline.filters, *paper.groups, *paper.select),
-        "metric": (*outline.metrics, "lost", "failed", *paper.groups),
+        "metric": (*outline.metrics, "lost", "failed", *FORMS, *paper.groups),
     }[kind]
 
 

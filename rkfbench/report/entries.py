@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rkfbench.report.computed import COMPUTED
-from rkfbench.report.material import Material, is_time, printed_numbers, text
+from rkfbench.report.material import Material, is_timing, printed_numbers, text
 from rkfbench.report.numbers import Written, fixed, written
 from rkfbench.scenario.display import Table, metrics_in
 from rkfbench.store import files
@@ -79,7 +79,7 @@ def of(table: Table, material: Material) -> list[Entry]:
         for row, column, (label, case, metric, statistic) in places:
             ours = material.row((reading, case, label, metric))
             theirs = numbers.get((label, case, metric, statistic))
-            timed_elsewhere = is_time(metric) and reading not in material.timed
+            timed_elsewhere = is_timing(metric) and reading not in material.timed
             if ours is None and (theirs is None or timed_elsewhere):
                 continue
             value: float | None = None
@@ -90,7 +90,7 @@ def of(table: Table, material: Material) -> list[Entry]:
                 median, runs, failed, lost = ours.get("median"), ours["runs"], ours.get("failed"), ours.get("lost")
             place = (reading, row, column, case, label, metric, statistic)
             entry = Entry(*place, value, se, theirs, median, runs, failed, lost)
-            if printed and theirs is not None and value is not None and not is_time(metric):
+            if printed and theirs is not None and value is not None and not is_timing(metric):
                 spread = numbers.get((label, case, metric, "sd")) if statistic == "mean" else None
                 entry = _compared(entry, printed.runs, spread, material)
             found.append(entry)

@@ -13,6 +13,7 @@ import numpy as np
 from rkfbench.claims.expression import parse
 from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario.display import Item, Selection, Statistic, case_matches, metrics_in
+from rkfbench.times import is_time
 
 if TYPE_CHECKING:
     from rkfbench.scenario.paper_schema import PrintedTable
@@ -154,7 +155,7 @@ class Material:
 
     def batches(self, key: Key, statistic: str, size: int) -> list[float]:
         """A statistic over disjoint batches of `size` runs; [] where there are no numbers per run."""
-        if key[3] in ("failed", "lost") or is_time(key[3]) or not self.results.has_runs:
+        if key[3] in ("failed", "lost") or is_timing(key[3]) or not self.results.has_runs:
             return []
         columns = self._columns(key, statistic)
         runs = len(next(iter(columns.values())))
@@ -182,7 +183,7 @@ class Material:
 
     def has_values(self, metric: str) -> bool:
         """Whether the numbers of single runs are there; those of times always are."""
-        return self.results.has_runs or is_time(metric)
+        return self.results.has_runs or is_timing(metric)
 
     def parameter_values(self, family: str, parameter: str) -> dict[str, float | str]:
         """Label -> value of a parameter, in its order, for the filters that are labelled `family` or `family[...]`; for
@@ -205,9 +206,9 @@ def printed_numbers(table: PrintedTable) -> dict[tuple[str, str, str, str], floa
     return numbers
 
 
-def is_time(metric: str) -> bool:
-    """Whether a metric is measured with a clock: one value a repeat instead of a run."""
-    return metric.startswith("time")
+def is_timing(metric: str) -> bool:
+    """Whether a metric, or all that stands in arithmetic over metrics, is measured with a clock."""
+    return all(is_time(name) for name in metrics_in(metric))
 
 
 def distinct(values: Iterable[Any]) -> list[Any]:

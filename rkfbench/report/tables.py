@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rkfbench.report.captions import averaged, casualties
 from rkfbench.report.entries import Entry
-from rkfbench.report.material import distinct, is_time
+from rkfbench.report.material import distinct, is_timing
 from rkfbench.report.numbers import SUPERSCRIPT, as_printed, fixed, written
 from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario.display import Table
@@ -140,7 +140,7 @@ def _tex(entry: Entry) -> str:
 def _over(found: Sequence[Entry]) -> str:
     """` over 3000 runs and 10 repeats of a time`."""
     counted = {
-        what: distinct(each.runs for each in found if each.runs is not None and is_time(each.metric) == timed)
+        what: distinct(each.runs for each in found if each.runs is not None and is_timing(each.metric) == timed)
         for what, timed in (("runs", False), ("repeats of a time", True))
     }
     told = [f"{' or '.join(map(str, numbers))} {what}" for what, numbers in counted.items() if numbers]

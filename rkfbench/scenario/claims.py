@@ -17,7 +17,7 @@ and each combination is a cell with a verdict of its own; the claim holds if all
 - `along` says which of `filters`, `cases`, `metric` is compared.
 
 Names are labels of the scenario, or of a group or selection in the paper's file. The metric `lost` is 1 for a lost run
-(so its mean is the share of lost runs), `failed` likewise; metrics that begin with `time` are clock values.
+(so its mean is the share of lost runs), `failed` likewise; `time_ms` and `time_ns` are clock values.
 """
 
 from __future__ import annotations

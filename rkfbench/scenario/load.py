@@ -61,6 +61,8 @@ def load(
             problems += located(document, [fault], *place)
         file = _with_runs(file, document, cells, problems)
         faults = list(unknown_names(file, cells, columns(list(file.sweep)), _paper(file, document)))
+        if file.claims:
+            faults += _unknown_to_claims(file, document, cells, problems)
         if sets or sweeps:  # what they have removed is not shown
             document, file = _without(document, file, {each.path[:2] for each in faults})
         else:
@@ -179,6 +181,20 @@ def _paper(file: ScenarioFile, document: Map) -> Paper | None:
         raise
     except UsageError as error:
         raise ScenarioError(list(located(document, [SpecError(str(error), ("paper",))]))) from None
+
+
+def _unknown_to_claims(
+    file: ScenarioFile, document: Map, cells: Sequence[Cell], problems: list[Problem]
+) -> Iterator[SpecError]:
+    """The names that the file's claims use and nothing has; what else is wrong with them is added to `problems`."""
+    from rkfbench.claims.checks import checks_of  # late, as the claims are made of parts of this package
+    from rkfbench.claims.plan import outline, own_paper, unknown, unwritten
+
+    judged = [cell for cell in cells if cell.switch is None]
+    checks = checks_of(file.paper) if isinstance(file.paper, str) else ()
+    paper, outlines = own_paper(file.name, file.claims), {file.name: outline(judged, file.runs.paper, checks)}
+    problems += located(document, unwritten(paper, outlines))
+    yield from unknown(paper, outlines)
 
 
 def _without(document: Map, file: ScenarioFile, items: Set[Path]) -> tuple[Map, ScenarioFile]:

@@ -1,5 +1,5 @@
-"""Whether what tables, figures and claims name exists: metrics, filters, cases, readings, sweep columns; and what
-`names` gives other names to.
+"""Whether what tables and figures name exists: metrics, filters, cases, readings, sweep columns; and what `names` gives
+other names to. What claims name is looked up by `claims.plan`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from fnmatch import fnmatchcase
 
 from rkfbench.errors import Path, SpecError, did_you_mean
 from rkfbench.own import short
-from rkfbench.scenario import claims, display
-from rkfbench.scenario.claims import Claim
-from rkfbench.scenario.display import Figure, NameUse, Table, case_matches
+from rkfbench.scenario.display import NameUse, case_matches, names_used
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.scenario.scenario import Cell
 from rkfbench.scenario.schema import ScenarioFile
+from rkfbench.times import FORMS
 
 COUNTED = ("lost", "failed")  # metrics that every study has
 NOUNS = {"over": "swept parameter", "printed": "table in the paper's file", "claim": "claim in the paper's file"}
@@ -24,7 +23,7 @@ NOUNS = {"over": "swept parameter", "printed": "table in the paper's file", "cla
 def unknown_names(
     file: ScenarioFile, cells: Sequence[Cell], columns: Sequence[str], paper: Paper | None
 ) -> Iterator[SpecError]:
-    """The names that the file's tables, figures and claims use and nothing has, each with its path in the file."""
+    """The names that the file's tables and figures use and nothing has, and ids that stand twice, with their paths."""
     known = known_names(cells, columns)
     if paper is not None:
         known |= {"printed": list(paper.tables), "claim": [claim.id for claim in (*paper.claims, *file.claims)]}
@@ -40,8 +39,8 @@ def unknown_names(
             if item.id in seen:
                 yield SpecError(f"the id '{item.id}' is used twice", (section, index, "id"))
             seen.add(item.id)
-            for use in _uses(item):
-                if use.kind in known and not _has(known, use, exact=section == "claims"):
+            for use in names_used(item) if section != "claims" else ():
+                if use.kind in known and not _has(known, use):
                     noun = NOUNS.get(use.kind, use.kind)
                     message = f"no {noun} '{use.name}' here{did_you_mean(use.name, known[use.kind])}"
                     yield SpecError(message, (section, index, *use.path))
@@ -66,18 +65,12 @@ def twins(file: ScenarioFile) -> Iterator[tuple[SpecError, Path]]:
             yield SpecError(message), place
 
 
-def _uses(item: Claim | Figure | Table) -> Iterator[NameUse]:
-    if isinstance(item, Claim):
-        return (use for _, use in claims.names_used(item))
-    return display.names_used(item)
-
-
 def known_names(cells: Sequence[Cell], columns: Sequence[str]) -> dict[str, list[str]]:
     """Every name of each kind, in the order of the scenario."""
     filters = [each for cell in cells for each in cell.spec["filters"]]
     parameters = [f"{short(each['use'])}.{key}" for each in filters if "use" in each for key in each if key != "use"]
     names = {
-        "metric": [*(metric for cell in cells for metric in cell.spec["metrics"]), *COUNTED],
+        "metric": [*(metric for cell in cells for metric in cell.spec["metrics"]), *COUNTED, *FORMS],
         "filter": [each["label"] for each in filters],
         "case": [cell.case for cell in cells],
         "reading": [cell.reading + (f"+{cell.switch}" if cell.switch else "") for cell in cells],
@@ -86,9 +79,9 @@ def known_names(cells: Sequence[Cell], columns: Sequence[str]) -> dict[str, list
     return {kind: list(dict.fromkeys(each)) for kind, each in names.items()}
 
 
-def _has(known: dict[str, list[str]], use: NameUse, exact: bool) -> bool:
-    if use.kind == "case" and not exact:
+def _has(known: dict[str, list[str]], use: NameUse) -> bool:
+    if use.kind == "case":
         return any(case_matches(use.name, case) for case in known["case"])
     if use.kind == "claim":  # {row} and {column} in an id stand for the labels of a table
         return any(fnmatchcase(use.name, re.sub(r"\{\w+\}", "*", each)) for each in known["claim"])
-    return use.name in known[use.kind] or (use.kind == "metric" and use.name.startswith("time"))
+    return use.name in known[use.kind]

@@ -19,13 +19,12 @@ from rkfbench.scenario import estimates
 from rkfbench.store import files, manifest
 from rkfbench.study import plan
 from rkfbench.study.summary import summarise
+from rkfbench.times import FORMS, is_time
 
 if TYPE_CHECKING:
     from rkfbench.claims.estimand import Estimand
     from rkfbench.scenario import Cell, Scenario
 
-PREFIX = "time"  # of the names of metrics that are measured with a clock
-FORMS = ("time_ms", "time_ns")  # the second, of batches, is for the full study
 FILES = ("timings/repeats.csv", "timings/times.csv")
 IDENTITY = ("reading", "case", "filter", "metric")
 STATISTICS = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q95", "max", "least")
@@ -79,7 +78,7 @@ def write(times: Times, folder: Path) -> None:
 
 def wanted(scenario: Scenario, estimands: Iterable[Estimand]) -> Wanted:
     """The times that tables show and claims are about: for each case the labels of filters."""
-    from rkfbench.scenario.display import case_matches
+    from rkfbench.scenario.display import case_matches, metrics_in
 
     found: dict[str, set[str]] = {cell.case: set() for cell in scenario.cells}
     for table in scenario.tables:
@@ -88,7 +87,7 @@ def wanted(scenario: Scenario, estimands: Iterable[Estimand]) -> Wanted:
                 shown = not cell.extra
             else:
                 shown = any(case_matches(name, cell.case) for name in table.cases)
-            if shown and any(metric.startswith(PREFIX) for metric in table.metrics):
+            if shown and any(is_time(name) for metric in table.metrics for name in metrics_in(metric)):
                 found[cell.case] |= set(table.filters or plan.labels(cell, full=False))
     for point in (point for estimand in estimands if estimand.timing for point in estimand.points):
         for case in point.case.names():

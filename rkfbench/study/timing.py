@@ -16,9 +16,9 @@ from typing import Any
 from rkfbench.experiment import Experiment, World
 from rkfbench.linalg import Array
 from rkfbench.streams import Streams
+from rkfbench.times import FORMS
 
 REPEATS = 10
-FORMS = ("time_ms", "time_ns")
 SECONDS = 0.005  # of one measurement, about: its steps are scaled to all, where they all cost the same
 LEAST = 5  # steps, however long they take
 

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rkfbench.claims.checks import checks_of
 from rkfbench.claims.ledger import Row, claim_verdicts, ledger
-from rkfbench.claims.plan import Outline, own_paper, plan
+from rkfbench.claims.plan import Outline, outline, own_paper, plan
 from rkfbench.claims.verdict import Verdict
+from rkfbench.scenario import load
 from rkfbench.scenario.claims import Claim
 
 Array = NDArray[np.float64]
@@ -49,6 +51,12 @@ class Arrays:
 def outline_of(stats: Arrays, readings: tuple[str, ...] = ("default",)) -> Outline:
     cases, filters, metrics = (tuple(dict.fromkeys(key[i] for key in stats.arrays)) for i in range(3))
     return Outline(readings, cases or ("",), filters, metrics, tuple(stats.checks))
+
+
+def offered(scenario: str, paper: str, timed: tuple[str, ...] = ()) -> Outline:
+    """What a bundled scenario offers to the claims of a paper."""
+    loaded = load(scenario)
+    return outline(loaded.cells, loaded.paper_runs, checks_of(paper), timed)
 
 
 def rows_of(claim: Mapping[str, Any], stats: Arrays) -> tuple[Row, ...]:

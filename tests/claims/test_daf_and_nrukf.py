@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from rkfbench.claims.checks import checks_of
-from rkfbench.claims.plan import faults, outline
-from rkfbench.scenario import load, load_paper
+from rkfbench.claims.plan import faults
+from rkfbench.scenario import load_paper
 from rkfbench.scenario.claims import names_used
+from tests.claims.fakes import offered
 
 CLAIMS = {
     "daf": "C1 C2a C2b C3a C3b C3c C4a C4b C4c C5 C6 C7 C8a C8b E1 E2",
@@ -27,10 +28,10 @@ def test_a_paper_has_all_claims_of_its_note(name):
 def test_its_claims_fit_its_scenario_and_its_frozen_family(name):
     paper = load_paper(name)
     (scenario,) = paper.scenarios
-    offered = outline(load(scenario), tuple(checks_of(name)))
+    outline = offered(scenario, name)
     used = {use.name for claim in paper.claims for _, use in names_used(claim) if use.kind == "metric"}
-    assert used <= {*offered.metrics, "lost", "failed"}
-    assert [str(fault) for fault in faults(paper, {scenario: offered})] == []
+    assert used <= {*outline.metrics, "lost", "failed"}
+    assert [str(fault) for fault in faults(paper, {scenario: outline})] == []
 
 
 @pytest.mark.parametrize("name", CLAIMS)

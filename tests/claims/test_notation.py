@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
-from rkfbench.claims.plan import Outline, family_problems, family_sizes, faults, plan
+from rkfbench.claims.estimand import Estimand, Point
+from rkfbench.claims.expression import parse
+from rkfbench.claims.plan import Outline, family_problems, family_sizes, faults, plan, problems
 from rkfbench.errors import SpecError
 from rkfbench.scenario.claims import KINDS, Claim, Part, names_used
 from rkfbench.scenario.paper_schema import Paper
+from rkfbench.times import FORMS
 
 OUTLINE = Outline(("literal", "root"), ("R1", "R2"), ("ekf", "ukf", "pekf"), ("rmse", "mse"), ("p.T1",), ("pekf_c",))
 BASE: dict[str, Any] = {"metric": "rmse", "filters": ["ekf", "pekf"], "cases": ["R1"]}
@@ -87,11 +91,31 @@ def test_the_names_that_a_claim_uses_come_with_their_place() -> None:
         ({"shape": BASE | {"along": "filters", "steps": ["up", "up"]}}, "2 items have 1 steps, not 2"),
         ({"exact": {"check": "p.T2"}}, "claims.0.exact.check: unknown check 'p.T2' (did you mean 'p.T1'?)"),
         ({"value": {"table": "t"}}, "claims.0.value.table: unknown table 't'"),
+        ({"ordering": BASE | {"metric": "time_foo"}}, "claims.0.ordering.metric: unknown metric 'time_foo'"),
+        (
+            {"slope": {**BASE, "filters": "ekf", "cases": ["R=e", "R=1"], "above": 0}},
+            "claims.0.slope.points: the labels do not hold one number each",
+        ),
     ],
 )
 def test_a_claim_that_cannot_be_measured_is_a_fault_of_the_file(part: dict, message: str) -> None:
     found = faults_of(part)
     assert any(message in each for each in found), found
+
+
+def test_a_check_is_unknown_to_a_scenario_that_has_none() -> None:
+    outlines = {"s": replace(OUTLINE, checks=())}
+    (fault,) = problems(paper({"exact": {"check": "p.T1"}}), outlines)
+    assert str(fault) == "claims.0.exact.check: unknown check 'p.T1'"
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_measured_times_are_the_only_metrics_of_timings(name: str) -> None:
+    timed, other = (
+        Estimand("value", (Point(parse(each), parse("ekf"), parse("R1")),)) for each in (name, f"{name}_else")
+    )
+    assert timed.timing
+    assert not other.timing
 
 
 def test_all_faults_of_all_claims_are_told_at_once() -> None:

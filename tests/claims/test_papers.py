@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from rkfbench.claims.plan import faults, outline, plan
+from rkfbench.claims.plan import faults, plan
 from rkfbench.errors import ScenarioError
-from rkfbench.scenario import load, load_paper
+from rkfbench.scenario import load_paper
 from rkfbench.scenario.claims import names_used
+from tests.claims.fakes import offered
 
 ALADKF = {
     *("C0", "C1a", "C1b", "C1c", "C1d", "T1", "T2", "T3", "T4", "T5", "H1", "H2", "H3", "H4", "H5", "H6", "L1", "A1"),
@@ -34,9 +35,9 @@ def test_thresholds_that_the_paper_does_not_give_say_that_they_are_ours() -> Non
 
 def test_its_claims_fit_the_scenario_and_its_frozen_family() -> None:
     paper = load_paper("aladkf-2020")
-    offered = outline(load("contamination-rates"), timed=("hkf_root_once", "hkf_cholesky"))
+    outline = offered("contamination-rates", "aladkf-2020", timed=("hkf_root_once", "hkf_cholesky"))
     used = {use.name for claim in paper.claims for _, use in names_used(claim) if use.kind == "metric"}
-    known = {"contamination-rates": replace(offered, metrics=(*offered.metrics, *used))}
+    known = {"contamination-rates": replace(outline, metrics=(*outline.metrics, *used))}
     assert [str(fault) for fault in faults(paper, known)] == []
     assert plan(paper, known)
 
@@ -49,8 +50,8 @@ def test_the_paired_differences_of_the_note_have_their_share_of_runs_beside_them
 
 
 def test_a_wrong_name_is_told_with_its_line() -> None:
-    offered = outline(load("contamination-rates"))
-    without = {"contamination-rates": replace(offered, filters=("kf", "hkf"))}
+    outline = offered("contamination-rates", "aladkf-2020")
+    without = {"contamination-rates": replace(outline, filters=("kf", "hkf"))}
     with pytest.raises(ScenarioError, match=r"aladkf-2020.yaml:\d+:\d+: .*unknown filter 'aladkf'") as caught:
         load_paper("aladkf-2020", lambda paper: faults(paper, without))
     problem = next(each for each in caught.value.problems if "unknown filter 'aladkf'" in each.message)

@@ -11,7 +11,7 @@ from rkfbench.claims.estimand import Estimand, Point
 from rkfbench.claims.expression import parse
 from rkfbench.claims.measure import observe
 from rkfbench.report import entries
-from rkfbench.report.material import Material
+from rkfbench.report.material import Material, is_timing
 from rkfbench.report.words import Words
 from rkfbench.scenario.display import Table
 from rkfbench.scenario.paper_schema import PrintedLine, PrintedRow
@@ -28,6 +28,13 @@ def test_a_ratio_of_means_has_the_error_of_the_jackknife_over_paired_runs(materi
     n = errors.size
     expected = total, np.sqrt((n - 1) / n * ((without - without.mean()) ** 2).sum())
     assert material.estimate(KEY, "mean") == pytest.approx(expected)
+
+
+def test_arithmetic_over_times_alone_is_a_time() -> None:
+    assert [name for name in ("time_ms", "2 * time_ms", "time_ms / rmse", "timeline") if is_timing(name)] == [
+        "time_ms",
+        "2 * time_ms",
+    ]
 
 
 @pytest.mark.parametrize("statistic", ["mean", "median", "sd"])

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from rkfbench.experiment import Experiment
+from rkfbench.scenario import load
 from rkfbench.streams import Streams
-from rkfbench.study import timing
+from rkfbench.study import clock, timing
 from tests.contract import SPECS
 
 FILTERS = [
@@ -66,3 +69,11 @@ def test_a_particle_smoother_is_timed_with_the_estimates_of_its_filter(monkeypat
 def test_a_reference_that_needs_the_record_is_timed_too(monkeypatch):
     monkeypatch.setattr(timing, "REPEATS", 1)
     assert len(list(timing.measure("case", SPEC, 1, ["clairvoyant_kf"]))) == 2
+
+
+@pytest.mark.parametrize(
+    ("metric", "labels"), [("time_ms", {"kf", "hkf"}), ("1000 * time_ms", {"kf", "hkf"}), ("err_norm", set())]
+)
+def test_the_times_that_a_table_shows_are_wanted_also_within_arithmetic(small, metric, labels):
+    small.write_text(small.read_text() + f"tables: [{{id: t, metric: {metric}}}]\n")
+    assert clock.wanted(load(small), ()) == dict.fromkeys(("rate=0", "rate=0.4"), labels)
