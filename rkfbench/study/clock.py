@@ -19,7 +19,7 @@ from rkfbench.scenario import estimates
 from rkfbench.store import files, manifest
 from rkfbench.study import plan
 from rkfbench.study.summary import summarise
-from rkfbench.times import FORMS, is_time
+from rkfbench.times import is_time
 
 if TYPE_CHECKING:
     from rkfbench.claims.estimand import Estimand
@@ -57,7 +57,7 @@ def measured(
         return None
     values: dict[tuple[str, ...], list[float]] = {}
     for cell, labels in jobs:
-        for time in measure(cell.case, cell.spec, scenario.seed, labels, FORMS if full else FORMS[:1]):
+        for time in measure(cell.case, cell.spec, scenario.seed, labels, full=full):
             values.setdefault((cell.reading, cell.case, time.filter, time.metric), []).append(time.value)
     return Times(made_from, values)
 
