@@ -132,8 +132,7 @@ def current(results: Results) -> Scenario:
     file = (results.folder.resolve() / source).resolve() if source else scenarios.bundled().get(results.scenario)
     if file is not None and file.is_file():
         found = scenarios.load(file) if source else scenarios.load_bundled(results.scenario)
-        made_from = results.manifest.get("hashes", {}).get(EXPERIMENT)
-        if found.name == results.scenario and made_from in (None, experiment(found)):  # None: of an older rkfbench
+        if found.name == results.scenario and results.manifest["hashes"][EXPERIMENT] == experiment(found):
             return found
     return scenarios.load(results.folder / "scenario.yaml")
 

@@ -258,6 +258,19 @@ def test_a_closed_pipe_is_quiet(small: Path) -> None:
     assert (done.stdout, done.stderr) == ("{\n", "")
 
 
+@pytest.mark.parametrize("arguments", ["--help", "list --help", "list filters", "list filters --json"])
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_an_output_that_takes_no_more_is_one_message(arguments: str) -> None:
+    def said(redirected: str) -> tuple[int, str]:
+        command = f"{sys.executable} -m rkfbench {arguments} {redirected}"
+        environment = os.environ | {"PYTHONPATH": ROOT}
+        done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False, env=environment)
+        return done.returncode, done.stderr
+
+    assert said("> /dev/full") == (1, "cannot write to the standard output: No space left on device\n")
+    assert said(">&-") == (0, "")  # closed: whoever does that wants to hear nothing
+
+
 def test_validate_tells_every_problem_with_its_line(small: Path) -> None:
     assert rkfbench("validate", small).stdout == "small.yaml: valid (readings: 1, cases: 2, filters: 2)\n"
     small.write_text(small.read_text().replace("rate: 0.05", "rat: 0.05").replace("seed: 5", "seed: five"))

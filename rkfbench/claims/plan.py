@@ -58,7 +58,7 @@ def outline(
 
     def is_number(name: str) -> bool:
         metric = metrics.get(name)
-        return not metric.curve and metric.statistic == "mean"
+        return not metric.curve and not metric.root
 
     return Outline(
         readings=unique(cell.reading for cell in cells),

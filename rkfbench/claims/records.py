@@ -21,7 +21,7 @@ from rkfbench.scenario.paper_schema import Paper
 KEY = ("claim", "role", "kind", "estimand", "scenario", "reading")
 _OBSERVED = ("decided_on", "mean", "median", "failed", "lost", "chosen")
 _MEASURED = ("estimate", "se", "runs", "law", "ties", "scale")
-_TERMS, _FLOOR = "terms", "floor"  # of a sum of shares, of a least eigenvalue; files of before them have none
+_TERMS = "terms"  # of a sum of shares, as text
 _JUDGED = ("c", "lower", "upper", "verdict", "flip_at", "flip", "flip_percent", "runs_needed", "resolution", "reason")
 COLUMNS = (
     *KEY,
@@ -29,7 +29,7 @@ COLUMNS = (
     *("printed_runs", "printed_rounding"),
     *_MEASURED,
     _TERMS,
-    _FLOOR,
+    "floor",
     *_OBSERVED,
     *_JUDGED,
     *("paper_runs", "at_paper_runs"),
@@ -67,7 +67,7 @@ def record(row: Row) -> dict[str, object]:
     }
     if observed is not None:
         values |= {name: getattr(observed, name) for name in _OBSERVED}
-        values |= {name: getattr(observed.measured, name) for name in (*_MEASURED, _FLOOR)}
+        values |= {name: getattr(observed.measured, name) for name in (*_MEASURED, "floor")}
         values[_TERMS] = " ".join(f"{value!r}:{count}" for value, count in observed.measured.terms)
     values |= {name: getattr(row.judgement, name) for name in _JUDGED}
     return {name: None if _missing(value := values.get(name)) else value for name in COLUMNS}
@@ -75,16 +75,16 @@ def record(row: Row) -> dict[str, object]:
 
 def stored(line: Mapping[str, Any]) -> Stored:
     """What a line of claims.csv keeps. Raises UsageError if it is not such a line."""
-    missing = [name for name in COLUMNS if name not in line and name not in (_TERMS, _FLOOR)]
+    missing = [name for name in COLUMNS if name not in line]
     if missing:
         raise UsageError(f"not a line of claims.csv of this version: no {', '.join(missing)}")
     try:
         observed = None
         if line["runs"] is not None:
             estimate, se, scale = (_number(line[name]) for name in ("estimate", "se", "scale"))
-            pairs = (term.split(":") for term in _text(line.get(_TERMS)).split())
+            pairs = (term.split(":") for term in _text(line[_TERMS]).split())
             terms = tuple((float(value), int(count)) for value, count in pairs)
-            runs, ties, floor = int(line["runs"]), int(line["ties"]), _number(line.get(_FLOOR))
+            runs, ties, floor = int(line["runs"]), int(line["ties"]), _number(line["floor"])
             measured = Measured(estimate, se, runs, line["law"], ties, scale, terms, floor)
             mean, median = _number(line["mean"]), _number(line["median"])
             counted = int(line["failed"]), int(line["lost"])

@@ -9,7 +9,7 @@ import gc
 import io
 import os
 import sys
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from rkfbench import blas, interrupts
 from rkfbench.pool import COLLECT
@@ -23,6 +23,7 @@ def main() -> None:
     gc.set_threshold(COLLECT)  # a tenth of the start, otherwise
     blas.one_thread()
     sys.unraisablehook = _unraisable
+    sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
     for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a character, or a file name that is no text
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -35,6 +36,14 @@ def main() -> None:
         _leave(INTERRUPTED)
     except SystemExit as ended:
         _leave(INTERRUPTED if ended.code and interrupts.came() else int(ended.code or 0))
+    except OSError as error:  # commands tell their own: it is the help that cannot be written
+        print(f"cannot write to the standard output: {error.strerror}", file=sys.stderr)
+        _leave(1)
+
+
+def _nowhere() -> TextIO:
+    """In the place of a stream that is closed (`>&-`, a daemon), for which Python has None."""
+    return open(os.devnull, "w")
 
 
 def _leave(code: int) -> NoReturn:

@@ -14,7 +14,7 @@ import typer
 
 from rkfbench import interrupts
 from rkfbench.cli import INTERRUPTED
-from rkfbench.cli.terminal import Terminal
+from rkfbench.cli.terminal import Terminal, written
 from rkfbench.errors import RkfbenchError
 
 OUTPUT: dict[str, Any] = {
@@ -37,7 +37,8 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
         terminal = Terminal(as_json, quiet, verbose, color=not (no_color or os.environ.get("NO_COLOR")))
         try:
             function(terminal, **params)
-            sys.stdout.flush()
+            with written():
+                sys.stdout.flush()
         except typer.Exit:
             raise
         except BrokenPipeError:  # the reader of a pipe (head, less) went away: nothing to tell

@@ -15,11 +15,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rkfbench.errors import RkfbenchError
+
 if TYPE_CHECKING:
     from rkfbench.study.events import Event, Failure
 
 MOST_NAMED = 3  # cases that one line names
 MOST_FAILURES = 3  # of one filter that are told
+
+
+@contextmanager
+def written() -> Iterator[None]:
+    """A standard output that takes no more as one message; of a reader that went away others tell."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise RkfbenchError(f"cannot write to the standard output: {error.strerror}") from error
 
 
 @dataclass
@@ -34,7 +47,8 @@ class Terminal:
 
     def data(self, text: str) -> None:
         """What was asked for."""
-        sys.stdout.write(text if text.endswith("\n") else text + "\n")
+        with written():
+            sys.stdout.write(text if text.endswith("\n") else text + "\n")
 
     def note(self, text: str) -> None:
         """What happens on the way."""

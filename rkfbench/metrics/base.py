@@ -121,9 +121,7 @@ class Each:
 
 @dataclass(frozen=True)
 class Metric:
-    """A quantity with what is asked of it. `statistic` says how runs are combined: by the mean, or by the root of the
-    mean (of squares).
-    """
+    """A quantity with what is asked of it. Runs are combined by the mean, with `root` by its root (that of squares)."""
 
     name: str
     quantity: Quantity
@@ -138,10 +136,6 @@ class Metric:
         None  # about x_j of the scenario's point: last estimate, curve over the lag, or one lag
     )
     needs: frozenset[str] = frozenset()  # what it must know beyond measurements and estimates: truth, record
-
-    @property
-    def statistic(self) -> Literal["mean", "root_mean"]:
-        return "root_mean" if self.root else "mean"
 
     def ks(self, T: int) -> NDArray[np.intp]:
         """The steps that enter; of a curve over the lag all lags that there may be, from 0."""

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rkfbench.claims.verdict import Holds, decisive
+from rkfbench.claims.words import among
 from rkfbench.report import style
 from rkfbench.report.material import distinct, text
 from rkfbench.report.numbers import written
@@ -50,6 +51,7 @@ class Line:
     region: tuple[float, float]
     edges: tuple[tuple[float, str], ...]  # the finite edges of the region with their numbers
     row: Row
+    among: str  # what all cells say
     rests_on: str = ""  # what the reader should know of the cells behind the verdict
 
     @property
@@ -75,7 +77,7 @@ def lines(
         for reading in distinct(text(row["reading"]) for row in chosen):
             cells = [row for row in chosen if (text(row["claim"]), text(row["reading"])) == (claim, reading)]
             if cells and (readings is None or reading in readings):
-                found.append(line(deciding(cells, holds.get(claim, "all")), len(cells)))
+                found.append(line(cells, holds.get(claim, "all")))
     return found
 
 
@@ -85,8 +87,9 @@ def deciding(cells: Sequence[Row], holds: Holds = "all") -> Row:
     return cells[decisive([(row["verdict"], margin) for row, margin in zip(cells, margins, strict=True)], holds)]
 
 
-def line(row: Row, cells: int = 1) -> Line:
-    """A row of claims.csv placed on its own scale."""
+def line(cells: Sequence[Row], holds: Holds = "all") -> Line:
+    """The cell that decides a claim, of these rows of claims.csv, placed on its own scale."""
+    row = deciding(cells, holds)
     printed = row.get("printed") if row.get("printed_runs") else None
     low, high = (printed, printed) if printed is not None else (row.get("region_low"), row.get("region_high"))
     estimate, lower, upper = (_finite(row.get(name)) for name in ("estimate", "lower", "upper"))
@@ -108,13 +111,14 @@ def line(row: Row, cells: int = 1) -> Line:
         row["verdict"],
         "–" if estimate is None else written(estimate, error).text(),
         f"printed {printed:.6g}" if printed is not None else claimed,
-        cells,
+        len(cells),
         None if estimate is None else place(estimate),
         None if lower is None else place(lower),
         None if upper is None else place(upper),
         (place(-math.inf if low is None else low), place(math.inf if high is None else high)) if edges else (0.0, 0.0),
         tuple((place(edge), f"{edge:.4g}") for edge in edges),
         row,
+        among([each["verdict"] for each in cells], holds),
     )
 
 
@@ -151,8 +155,8 @@ def draw(found: Sequence[Line], caption: str = "") -> Figure:
             ax.plot(each.at, y, markers.get(each.verdict, "_"), color=colour, markerfacecolor=fill, markersize=6)
         ax.text(-0.03, y - 0.13, each.claim, transform=beside, ha="right", va="center", weight="bold", fontsize=8)
         named = [each.reading] if each.reading not in ("", "default") else []
-        named += [f"decides among {each.cells} cells"] if each.cells > 1 else []
-        ax.text(-0.03, y + 0.2, ", ".join(named), transform=beside, ha="right", va="center", fontsize=6.5)
+        named += [each.among] if each.among else []
+        ax.text(-0.03, y + 0.2, "; ".join(named), transform=beside, ha="right", va="center", fontsize=6.5)
         shown = "".join([each.estimate, f", {each.claimed}" if each.claimed else ""])
         ax.text(1.03, y - 0.13, each.verdict, transform=beside, va="center", color=colour, weight="bold", fontsize=8)
         ax.text(1.03, y + 0.2, shown, transform=beside, va="center", fontsize=6.5)

@@ -247,7 +247,7 @@ def is_root(metric: str) -> bool:
 
     if metric in ("failed", "lost") or is_time(metric):
         return False
-    return metrics.get(metric).statistic == "root_mean"
+    return metrics.get(metric).root
 
 
 def _share(row: Row, what: str) -> Row:

@@ -52,7 +52,7 @@ class ClaimView:
         """The deciding cell under each reading of the paper, placed for the forest plot."""
         return [
             replace(
-                forest.line(forest.deciding(cells, self.holds), len(cells)),
+                forest.line(cells, self.holds),
                 reading=readings,
                 rests_on=self._rests_on(cells),
             )

@@ -71,7 +71,7 @@ def read(folder: Path) -> dict[str, Any]:
     if schema != SCHEMA:
         raise UsageError(f"{path} has schema version {schema}, this rkfbench reads {SCHEMA}: {_REPAIR}")
     own = content.pop(OWN, None)
-    if not isinstance(content.get("files"), dict) or own not in (None, _own(content)):  # None: of an older rkfbench
+    if not isinstance(content.get("files"), dict) or own != _own(content):
         raise UsageError(f"{path} is not what rkfbench wrote (edited or damaged): {_REPAIR}")
     return content
 

@@ -100,11 +100,11 @@ def _summary(
             counts = {"runs": len(part.failed), "failed": int(part.failed.sum()), "lost": int(part.lost.sum())}
             for metric, values in part.values.items():
                 there = ~part.lost if metrics.get(metric).tracking else slice(None)
-                row = summarise(values[there], part.failed[there], _is_root(metric))
+                row = summarise(values[there], part.failed[there], metrics.get(metric).root)
                 yield {**identity, "metric": metric, **counts, **row}
             for metric, curve in part.curves.items():
                 wanted = shown(scenario, each.cell, label, metric)
-                rows = list(along(curve, _is_root(metric))) if wanted else []
+                rows = list(along(curve, metrics.get(metric).root)) if wanted else []
                 series.extend({**identity, "metric": metric, **row} for row in thinned(rows, wanted))
 
 
@@ -214,7 +214,3 @@ def _parameters(spec: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
             else:
                 value = own.short(value) if column == "name" else value
                 yield column, json.dumps(value) if isinstance(value, list) else value
-
-
-def _is_root(metric: str) -> bool:
-    return metrics.get(metric).statistic == "root_mean"

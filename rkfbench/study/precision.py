@@ -167,7 +167,7 @@ def _series(units: Sequence[Unit], goal: Goal) -> Iterator[tuple[Array, float, A
                 metric = metrics.get(name)
                 values = np.concatenate([part[label].values[name] for part in parts])
                 out = np.concatenate([part[label].lost if metric.tracking else part[label].failed for part in parts])
-                error = _half if metric.statistic == "root_mean" else relative_error
+                error = _half if metric.root else relative_error
                 of = f"{name} of {label} in {plan.name(of_cell[0].cell)}"
                 yield np.where(out, np.nan, values), relative, error, of
 

@@ -118,7 +118,7 @@ class Bench:
         results = [compute.compute(spec, self.seed, block, self.runs, labels).filters for block in blocks]
         if any(self.metric not in result[labels[0]].values for result in results):
             raise UsageError(f"the metric '{self.metric}' does not apply to the filter '{self.filter['label']}'")
-        root = metrics.get(self.metric).statistic == "root_mean"
+        root = metrics.get(self.metric).root
         return [
             Score(
                 np.concatenate([result[label].values[self.metric] for result in results]),

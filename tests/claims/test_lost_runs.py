@@ -236,7 +236,3 @@ def test_a_stored_sum_of_shares_is_judged_as_one() -> None:
     kept = stored(line).observed
     assert kept is not None
     assert kept.measured == measured
-    del line["terms"]  # as files were before there was this law
-    old = stored({**line, "law": "t"}).observed
-    assert old is not None
-    assert old.measured.terms == ()

@@ -13,7 +13,7 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)[:-1]  # the last one, shown, d
 
 
 def test_an_interval_inside_its_region_lies_inside_its_shade() -> None:
-    line = forest.line(claim_row())
+    line = forest.line([claim_row()])
     assert line.lower is not None
     assert line.upper is not None
     assert line.region[0] < line.lower < line.upper < line.region[1] == 1.0
@@ -21,14 +21,14 @@ def test_an_interval_inside_its_region_lies_inside_its_shade() -> None:
 
 
 def test_an_interval_across_an_edge_is_drawn_across_it() -> None:
-    line = forest.line(claim_row(region_low=-0.05, region_high=0.05, estimate=0.03, se=0.01, lower=0.0, upper=0.06))
+    line = forest.line([claim_row(region_low=-0.05, region_high=0.05, estimate=0.03, se=0.01, lower=0.0, upper=0.06)])
     assert line.lower is not None
     assert line.upper is not None
     assert line.region[0] < line.lower < line.region[1] < line.upper
 
 
 def test_a_printed_number_is_the_edge_of_a_replication_interval() -> None:
-    line = forest.line(claim_row(printed=2.5, printed_runs=100, claimed=None, region_low=None, region_high=None))
+    line = forest.line([claim_row(printed=2.5, printed_runs=100, claimed=None, region_low=None, region_high=None)])
     assert line.claimed == "printed 2.5"
     assert [number for _, number in line.edges] == ["2.5"]
     assert line.region[0] == line.region[1]
@@ -36,12 +36,12 @@ def test_a_printed_number_is_the_edge_of_a_replication_interval() -> None:
 
 @pytest.mark.parametrize("missing", [None, math.nan])
 def test_what_was_not_measured_has_a_row_without_a_mark(missing: float | None) -> None:
-    line = forest.line(claim_row(estimate=missing, se=missing, lower=missing, upper=missing, verdict="not run"))
+    line = forest.line([claim_row(estimate=missing, se=missing, lower=missing, upper=missing, verdict="not run")])
     assert (line.at, line.estimate) == (None, "–")
 
 
 def test_numbers_without_chance_are_shown_without_an_error() -> None:
-    line = forest.line(claim_row(estimate=1e-12, se=0.0, law="exact", region_low=-math.inf, region_high=1e-9))
+    line = forest.line([claim_row(estimate=1e-12, se=0.0, law="exact", region_low=-math.inf, region_high=1e-9)])
     assert line.estimate == "1.000·10⁻¹²"
 
 
@@ -61,6 +61,7 @@ def test_a_claim_that_may_hold_anywhere_is_shown_by_its_strongest_cell_and_with_
     assert forest.deciding([far, near], "any") is near
     (line,) = forest.lines([far, weak, strong], holds={"mine-1": "any"})
     assert (line.verdict, line.cells, line.row) == ("reproduced", 3, strong)
+    assert line.among == "2 of 3 cells reproduced, 1 not, one is enough"
 
 
 def test_lines_hold_what_decides_in_the_order_asked_for() -> None:

@@ -115,10 +115,9 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Compute:
 
     @lru_cache
     def metric(name: str) -> Any:
-        statistic = "root_mean" if name.startswith("pooled") else "mean"
         quantity = SimpleNamespace(partners=("kf",) if name == "beside_kf" else ())
         return SimpleNamespace(
-            statistic=statistic, ks=lambda steps: np.arange(1, steps + 1), quantity=quantity, tracking=False
+            root=name.startswith("pooled"), ks=lambda steps: np.arange(1, steps + 1), quantity=quantity, tracking=False
         )
 
     compute = Compute()
