@@ -49,7 +49,14 @@ def sandwich(A: Array, P: Array) -> Array:
     if A.ndim > 2:
         return sym(mul(A, transpose(mul(A, P))))
     m, n = A.shape
-    return (_twice(A.shape, A.tobytes()) @ P.reshape(n * n, -1)).reshape(m, m, P.shape[-1])
+    return (_twice(A.shape, content(A)) @ P.reshape(n * n, -1)).reshape(m, m, P.shape[-1])
+
+
+def content(A: Array) -> bytes:
+    """The numbers of an array, of integers too, as a key to what was computed from them: `np.frombuffer` gives them
+    back.
+    """
+    return np.asarray(A, dtype=float).tobytes()
 
 
 @lru_cache(maxsize=256)
@@ -95,7 +102,7 @@ def through(H: Array, P: Array) -> tuple[Array, Array]:
     """H P H' and P H' for symmetric P, of H (m, n) shared, in one product, or (m, n, M)."""
     m, n = H.shape[:2]
     if H.ndim == 2:
-        both = (_joint(H.shape, H.tobytes()) @ P.reshape(n * n, -1)).reshape(m, m + n, P.shape[-1])
+        both = (_joint(H.shape, content(H)) @ P.reshape(n * n, -1)).reshape(m, m + n, P.shape[-1])
         return both[:, :m], transpose(both[:, m:])
     HP = mul(H, P)
     S = np.empty((m, m, HP.shape[-1]))
@@ -329,6 +336,6 @@ def whitening(A: Array, kind: str = "symmetric", reuse: bool = True) -> tuple[Ar
         return L, solve(L, np.broadcast_to(eye(len(A)), L.shape)) if kind == "symmetric" else solve_lower(
             L, eye(len(A))
         )
-    shared = np.ascontiguousarray(A if A.ndim == 2 else A[..., 0])
+    shared = A if A.ndim == 2 else A[..., 0]
     compute = _whitening if reuse else _whitening.__wrapped__
-    return compute(shared.shape, shared.tobytes(), kind)
+    return compute(shared.shape, content(shared), kind)

@@ -115,9 +115,9 @@ class AdaptiveFactorFilter(ABC):
         told = recursion.prepare(model, y, x0, P0, Q, R)
         if np.nan_to_num(told[-1][..., ~np.eye(len(model.measurements), dtype=bool), :]).any():
             raise SpecError("adaptive-factor filters need independent sensors: a diagonal R")
-        return recursion.collect(self.steps(model, *told), keep, len(y))
+        return recursion.collect(self.prepared(model, *told), keep, len(y))
 
-    def steps(self, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[recursion.Step]:
+    def prepared(self, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[recursion.Step]:
         """The steps, one after the other, from arguments as `prepare` makes them."""
         return recursion.steps(self, model, y, x, P, Q, R)
 
@@ -227,12 +227,12 @@ class RobustAdaptiveFilter(AdaptiveFactorFilter):
         seen = {"u_alpha": np.abs(nu - X) / np.sqrt(R), "u_beta": u[None]}
         return Factors(alpha, self._prediction_factor(u), seen)
 
-    def steps(self, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[recursion.Step]:
+    def prepared(self, model: Model, y: Array, x: Array, P: Array, Q: Array, R: Array) -> Iterator[recursion.Step]:
         """The steps, one after the other. The robust positions depend on the measurements alone: with all sensors
         there, those of all epochs are found at once.
         """
         if np.isnan(y).any():
-            return super().steps(model, y, x, P, Q, R)
+            return super().prepared(model, y, x, P, Q, R)
         T, m, M = y.shape
         variances = np.broadcast_to(np.einsum("...iim->...im", R), y.shape)
         each, its = (A.swapaxes(0, 1).reshape(m, T * M) for A in (y, variances))

@@ -89,14 +89,17 @@ class BayesGrid:
         if R.shape != (2, 2, 1) or P0.shape[-1] > 1 or np.any(Q):
             raise SpecError("bayes needs no process noise, and one P0 and R for all steps and runs")
         mean, cov = np.empty((len(y), 2, y.shape[2])), np.empty((len(y), 2, 2, y.shape[2]))
+        half = getattr(model, "angle", "").startswith("atan_")
         for first in range(0, y.shape[2], GROUP):  # what one group of runs needs fits into the cache
             runs = slice(first, first + GROUP)
             with np.errstate(all="ignore"):
-                self._posterior(y[..., runs], x[:, runs], P0[..., 0], R[1, 1, 0], mean[..., runs], cov[..., runs])
+                self._posterior(
+                    y[..., runs], x[:, runs], P0[..., 0], R[1, 1, 0], mean[..., runs], cov[..., runs], half=half
+                )
         return Estimate(mean, cov if "cov" in keep else None, np.isnan(mean[-1]).any(0))
 
-    def _posterior(self, y: Array, x0: Array, P0: Array, variance: float, mean: Array, cov: Array) -> None:
-        """Fill in the posterior of some runs at all steps."""
+    def _posterior(self, y: Array, x0: Array, P0: Array, variance: float, mean: Array, cov: Array, half: bool) -> None:
+        """Fill in the posterior of some runs at all steps; half: a bearing (of atan) is known up to half a turn."""
         share = np.arange(self.points) / self.points  # of a full turn
         u = np.stack([np.cos(2 * np.pi * share), np.sin(2 * np.pi * share)])
         basis = np.stack([np.ones(self.points), *u, u[0] * u[0], u[0] * u[1], u[1] * u[1]])
@@ -106,7 +109,7 @@ class BayesGrid:
         ranges = np.nancumsum(y[:, 0], axis=0) / (~np.isnan(y[:, 0])).cumsum(0)
         for k, (rbar, bearing) in enumerate(zip(ranges, y[:, 1], strict=True)):
             turns = bearing * (1 / (2 * np.pi)) - share[:, None]
-            turns -= np.rint(turns)  # wrapped, in turns
+            turns -= 0.5 * np.rint(2 * turns) if half else np.rint(turns)  # wrapped, in turns
             turns[:, np.isnan(bearing)] = 0.0
             misfit += turns * turns
             weight = rbar * linear

@@ -28,7 +28,7 @@ from rkfbench.filters.moments import Linear
 from rkfbench.filters.recursion import History, bury, prepare
 from rkfbench.filters.schemes import Once
 from rkfbench.filters.smoothing import SEES, At, FixedPoint, Lag, Start, ends, point
-from rkfbench.linalg import Array, diag, mul, positive_definite, solve, transpose
+from rkfbench.linalg import Array, batched, diag, mul, positive_definite, solve, transpose
 from rkfbench.models import Model
 from rkfbench.streams import Streams
 
@@ -102,8 +102,7 @@ class CorrentropySmoother:
                 S = mul(H, PH)
                 r, c = self._weighted(model.residual(y[k - 1], model.h(x, k)), _at(R, k), S)
                 G = _gain(diag(c), _at(R, k), S)
-                K, L = mul(PH, G), mul(F, mul(PH, G))
-                A = F[..., None] - transpose(mul(H.T, transpose(L)))  # F - L H
+                K = mul(PH, G)
                 if k == at:
                     own |= {"post_mean": x + mul(K, r), "post_cov": self._posterior(P, PH, K, S, _at(R, k))}
                 if k >= at:
@@ -111,9 +110,14 @@ class CorrentropySmoother:
                     lam = mul(SH, G)
                     if k > at or self.start == "j":
                         xj, Pi = xj + mul(lam, r), self._posterior(Pi, SH, lam, S, _at(R, k))
-                    if k > at or self.start != "stale":
-                        Sig = self._cross(Sig, lam, PH, A, L, _at(R, k))
                     history.add(mean=xj, cov=Pi)
+                if k == at + lag:
+                    break
+                F = model.F(x, k + 1)
+                L = mul(F, K)
+                A = batched(F) - transpose(mul(H.T, transpose(L)))  # F - L H
+                if k > at or (k == at and self.start != "stale"):
+                    Sig = self._cross(Sig, lam, PH, A, L, _at(R, k))
                 P = self._prior(F, P, A, L, _at(R, k)) + _at(Q, k + 1)
                 x = model.f(x, k + 1) + mul(L, r)
         estimate = history.estimate(failed=np.isnan(xj).any(0))

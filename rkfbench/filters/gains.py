@@ -117,7 +117,7 @@ def _step(F: Array, H: Array, P: Array, Q: Array, R: Array, rows: NDArray[np.boo
     if rows.all():
         return prior_P, *_update(H, prior_P, R)
     there = np.ix_(rows, rows)
-    S, K = np.full_like(R, np.nan), np.zeros_like(H.T)
+    S, K = np.full_like(R, np.nan), np.zeros(H.T.shape)
     S[there], K[:, rows], P = _update(H[rows], prior_P, R[there])
     return prior_P, S, K, P
 

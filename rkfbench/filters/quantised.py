@@ -5,14 +5,14 @@ errors?
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Gt
 
-from rkfbench.errors import SpecError
-from rkfbench.filters.base import Estimate, Filter, Known
+from rkfbench.filters.base import Estimate, Known, Setting
+from rkfbench.filters.smoothing import inner_filter, placed
 from rkfbench.linalg import Array
 from rkfbench.models import Model
 from rkfbench.streams import Streams
@@ -32,10 +32,31 @@ class Quantised:
         """Names of the histories that `run` can keep: those of the filter."""
         return getattr(self.filter, "sees", frozenset())
 
+    @property
+    def target(self) -> int | None:
+        """The step that a smoother of one point estimates."""
+        target: int | None = getattr(self.filter, "target", None)
+        return target
+
+    @property
+    def lag(self) -> int:
+        """The measurements after it that such a smoother uses, at most."""
+        lag: int = self.filter.lag
+        return lag
+
     def check(self, model: Model) -> None:
         """SpecError if the filter cannot run on this model."""
         if hasattr(self.filter, "check"):
             self.filter.check(model)
+
+    def check_told(self, Q: Array, R: Array) -> None:
+        """SpecError if the filter cannot use what it is told."""
+        if hasattr(self.filter, "check_told"):
+            self.filter.check_told(Q, R)
+
+    def placed(self, setting: Setting) -> Quantised:
+        """The same around the filter as it is placed in an experiment."""
+        return replace(self, filter=placed(self.filter, setting))
 
     def run(
         self,
@@ -60,10 +81,4 @@ def quantised(
     filter: Annotated[Any, "the filter, in any form that a scenario may write"] = "ukf", step: GridStep = 1.0
 ) -> Quantised:
     """A filter whose measurements are rounded to multiples of a step before it sees them."""
-    from rkfbench.filters import build  # it builds this wrapper in turn
-
-    try:
-        inner: Filter = build(filter)
-    except SpecError as error:
-        raise error.under("filter") from None
-    return Quantised(inner, step)
+    return Quantised(inner_filter(filter), step)

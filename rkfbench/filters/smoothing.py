@@ -90,22 +90,20 @@ class FixedPoint:
             steps = _steps(self.filter, model, y, x0, P0, Q, R, known)
             first = next(step for k, step in enumerate(steps, 1) if k == at)
             history = History({*keep} & {"cov"}, lag + 1)
-            x, Pi, Sig = self._begin(model, first, at)
+            x, Pi = (first.x, first.P) if self.start == "j" else (first.prior_x, first.prior_P)
+            last, cross = first, first.P  # cov(x_j, x_k) after y_k
             history.add(mean=x, cov=Pi)
             for k, step in zip(range(at + 1, at + lag + 1), steps, strict=False):
+                stale = self.start == "stale" and last is first
+                Sig = first.prior_P if stale else _to_next(model, cross, last.x, k - 1)
                 J = transpose(solve(step.prior_P, transpose(Sig)))
                 x = x + mul(J, step.x - step.prior_x)
                 Pi = Pi - sandwich(J, step.prior_P - step.P)
-                Sig = _to_next(model, mul(J, step.P), step.x, k)
+                last, cross = step, mul(J, step.P)
                 history.add(mean=x, cov=Pi)
         estimate = history.estimate(failed=np.isnan(x).any(0))
         own = {"prior_mean": first.prior_x, "post_mean": first.x, "prior_cov": first.prior_P, "post_cov": first.P}
         return replace(estimate, target=at, extras={name: value[None] for name, value in own.items()})
-
-    def _begin(self, model: Model, step: Step, k: int) -> tuple[Array, Array, Array]:
-        """xj, Pi and Sig after k = j."""
-        Sig = step.prior_P if self.start == "stale" else _to_next(model, step.P, step.x, k)
-        return (step.x, step.P, Sig) if self.start == "j" else (step.prior_x, step.prior_P, Sig)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from rkfbench.errors import SpecError
 from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear
 from rkfbench.filters.weights import Huber, LeastAbsolute, Plain, Weight
-from rkfbench.linalg import Array, mul
+from rkfbench.linalg import Array, content, mul
 from rkfbench.metrics.base import Each, Trial
 from rkfbench.models import Model
 
@@ -146,7 +146,7 @@ def inputs(F: Array, H: Array, u: Array | None, W: Array) -> Array | None:
 
 def window(F: Array, H: Array, Q: Array, R: Array, length: int) -> tuple[Array, Array, Array]:
     """W_d (length, m, m), h_d (length, m, n) and G_k (length, n, n), which depend on d = k - j only."""
-    return _window(*(A.shape for A in (F, H)), *(np.ascontiguousarray(A).tobytes() for A in (F, H, Q, R)), length)
+    return _window(*(A.shape for A in (F, H)), *map(content, (F, H, Q, R)), length)
 
 
 @lru_cache(maxsize=16)
