@@ -237,6 +237,7 @@ def missing(subject: Subject) -> Iterator[str]:
     if (subject.estimate(y=y).failed & ~base.failed).all() and not base.failed.all():
         yield "a missing component (NaN in y) makes every run fail: use those where np.isfinite(y)"
         return
+    yield from _with_one_component(subject)
     if "prior_mean" not in result.extras or result.target is not None:
         return
     alive = ~result.failed  # a prediction may be the end of a run too
@@ -248,6 +249,18 @@ def missing(subject: Subject) -> Iterator[str]:
         runs = alive if expected.shape[-1] == len(alive) else slice(None)
         if not np.array_equal(result.cov[3][..., runs], expected[..., runs]):
             yield "where a measurement is missing the covariance is not the predicted one"
+
+
+def _with_one_component(subject: Subject) -> Iterator[str]:
+    """What a filter shows of itself keeps its shape where one measurement component is there alone."""
+    sees = getattr(subject.filter, "sees", frozenset())
+    usual = subject.estimate(keep=sees).extras
+    for i in range(subject.y.shape[1]):
+        y = subject.y.copy()
+        y[3, np.arange(y.shape[1]) != i] = np.nan
+        for name, history in subject.estimate(y=y, keep=sees).extras.items():
+            if history.shape[1:-1] != usual[name].shape[1:-1]:
+                yield f"where one component is measured, {name} has shape {history.shape}, else {usual[name].shape}"
 
 
 def inputs(subject: Subject) -> Iterator[str]:

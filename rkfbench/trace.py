@@ -20,6 +20,7 @@ import numpy as np
 from rkfbench.errors import UsageError
 from rkfbench.experiment import Experiment, World
 from rkfbench.filters import Estimate
+from rkfbench.filters.histories import components
 from rkfbench.linalg import Array
 from rkfbench.scenario.pick import filter_of
 from rkfbench.store import blocks
@@ -137,7 +138,7 @@ def _columns(
             upper = [f"{measurements[a]}_{measurements[b]}" for a, b in pairs]
             add("S", upper, np.stack([values[:, a, b] for a, b in pairs], axis=1))
         elif values.ndim == 2:
-            listed = add(name, _components(values.shape[1], states, measurements), values)
+            listed = add(name, components(name, values.shape[1], model), values)
             if name != "nu":
                 shown[name] = listed
     for prefix, flags, names in (("outlier", world.v.flags, measurements), ("process_outlier", world.w.flags, states)):
@@ -151,13 +152,6 @@ def _columns(
 def _of(A: Array, i: int) -> Array:
     """Run i of an array whose last axis are the runs, or one value for all of them."""
     return A[..., i if A.shape[-1] > 1 else 0]
-
-
-def _components(count: int, states: Sequence[str], measurements: Sequence[str]) -> Sequence[str]:
-    """Names for the components of a history: those of the measurements or states, else numbers."""
-    if count == 1:
-        return [""]
-    return next((names for names in (measurements, states) if len(names) == count), [str(j) for j in range(count)])
 
 
 def _plain(name: str, values: Array) -> list[Any]:

@@ -165,3 +165,14 @@ def test_a_product_of_whole_eights_of_runs_is_rounded_as_a_wider_one(shape):
         for first in (0, linalg.LANES, 37):
             runs = slice(first, first + width * linalg.LANES)
             assert linalg.mul(A, np.ascontiguousarray(B[:, runs])).tobytes() == whole[:, runs].tobytes()
+
+
+def test_integers_are_numbers():
+    A, P = np.array([[1, 1], [0, 1]]), np.arange(12.0).reshape(2, 2, 3) + 10 * np.eye(2)[..., None]
+    P = linalg.sym(P)
+    np.testing.assert_array_equal(linalg.sandwich(A, P), linalg.sandwich(A.astype(float), P))
+    for ours, expected in zip(linalg.through(A, P), linalg.through(A.astype(float), P), strict=True):
+        np.testing.assert_array_equal(ours, expected)
+    R = np.array([[4, 1], [1, 3]])
+    for ours, expected in zip(linalg.whitening(R), linalg.whitening(R.astype(np.float32)), strict=True):
+        np.testing.assert_array_equal(ours, expected)

@@ -394,6 +394,9 @@ def test_the_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.Monk
     metrics = {row["metric"] for row in results.summary if row["filter"] == "kf"}
     assert metrics == {"rmse", "nis", "nis_beyond", "whiteness", "log_likelihood", "innovation_rms"}
     assert results.runs == 2
+    assert all(row["mean"] is not None for row in results.summary), "a gap and missing components are no reason"
+    (shown,) = {row["metric"] for row in results.summary} - metrics
+    assert shown == "mean_of(name=inflation)"
     without = load(EXAMPLE, sets=["data.truth=null", "metrics=[nis]", "tables=[]"])
     assert np.isnan(Experiment.of(without.cells[0].spec).simulate(Streams(0)).x).all()
 

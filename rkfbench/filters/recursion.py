@@ -16,6 +16,7 @@ import numpy as np
 from rkfbench.errors import SpecError
 from rkfbench.filters import covariances
 from rkfbench.filters.base import Estimate, Posterior
+from rkfbench.filters.histories import of_measurement
 from rkfbench.linalg import Array, batched, finite, positive_definite, trace
 from rkfbench.models import Model, Observed
 
@@ -203,7 +204,7 @@ def _runs(A: Array, runs: Array) -> Array:
 def _scatter(seen: dict[str, Array], name: str, value: Array, rows: Array, runs: Array, shape: tuple[int, ...]) -> None:
     """Put what was seen of the observed components at their places; the missing ones are NaN."""
     m, M = shape
-    axes = value.shape[:-1]
-    full = seen.setdefault(name, np.full((*(m if length == len(rows) else length for length in axes), M), np.nan))
-    places = [rows if length == len(rows) else np.arange(length) for length in axes]
+    axes = [(length, of_measurement(name, length, len(rows))) for length in value.shape[:-1]]
+    full = seen.setdefault(name, np.full((*(m if measured else length for length, measured in axes), M), np.nan))
+    places = [rows if measured else np.arange(length) for length, measured in axes]
     full[np.ix_(*places, runs)] = value

@@ -68,13 +68,13 @@ def tracking_rmse() -> Parts:
 
 
 def cond_S() -> Parts:
-    """Condition number of the innovation covariance S, averaged over the steps."""
-    return {"quantity": ConditionS()}
+    """Condition number of the innovation covariance S, averaged over the steps with all measurement components."""
+    return {"quantity": ConditionS(), "reduce": "mean_where"}
 
 
 def cond_S_max() -> Parts:
-    """Largest condition number of the innovation covariance S over the steps."""
-    return {"quantity": ConditionS(), "reduce": "max"}
+    """Largest condition number of the innovation covariance S over the steps with all measurement components."""
+    return {"quantity": ConditionS(), "reduce": "max_where"}
 
 
 def if_norm(
@@ -89,8 +89,8 @@ def if_norm(
 
 
 def lambda_mean() -> Parts:
-    """Mean over the steps of lambda, the length of the whitened innovation."""
-    return {"quantity": Lambda()}
+    """Mean over the steps with a measurement of lambda, the length of the whitened innovation."""
+    return {"quantity": Lambda(), "reduce": "mean_where"}
 
 
 def share_46(

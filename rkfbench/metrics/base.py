@@ -31,13 +31,13 @@ RECORD = frozenset({"record"})
 
 TOGETHER = 8192  # columns: their matrices stay in the cache
 
-Reduce = Literal["mean", "max", "root", "median", "last", "mean_where", "root_where"]
+Reduce = Literal["mean", "max", "root", "median", "last", "mean_where", "root_where", "max_where"]
 
 
-def _mean_where(q: Array) -> Array:
-    """The mean over the steps that are not NaN; NaN where there is none."""
+def mean_where(q: Array, axis: int = 0) -> Array:
+    """The mean over the steps (or along another axis) that are not NaN; NaN where there is none."""
     there = ~np.isnan(q)
-    return np.asarray(np.where(there, q, 0.0).sum(0) / there.sum(0))
+    return np.asarray(np.where(there, q, 0.0).sum(axis) / there.sum(axis))
 
 
 _REDUCE: dict[str, Callable[[Array], Array]] = {
@@ -46,8 +46,9 @@ _REDUCE: dict[str, Callable[[Array], Array]] = {
     "root": lambda q: np.sqrt(q.mean(0)),
     "median": lambda q: np.median(q, axis=0),
     "last": lambda q: q[-1],
-    "mean_where": _mean_where,
-    "root_where": lambda q: np.sqrt(_mean_where(q)),
+    "mean_where": mean_where,
+    "root_where": lambda q: np.sqrt(mean_where(q)),
+    "max_where": np.fmax.reduce,
 }
 
 

@@ -72,19 +72,18 @@ def mean_of(
     steps: Annotated[Literal["all", "outlier", "clean"], "which steps count, by the outlier flags"] = "all",
 ) -> Parts:
     """Mean over the steps of something that the filter shows."""
-    reduce = "mean" if steps == "all" else "mean_where"
-    return {"quantity": MeanOf(name=name, component=component, which=steps), "reduce": reduce}
+    return {"quantity": MeanOf(name=name, component=component, which=steps), "reduce": "mean_where"}
 
 
 def share_below(
     name: History, limit: Annotated[float, "upper limit, itself excluded"] = 1.0, component: Component = ""
 ) -> Parts:
     """Share of the steps at which something that the filter shows lies below a limit, in any component."""
-    return {"quantity": Beyond(name=name, component=component, limit=float(limit))}
+    return {"quantity": Beyond(name=name, component=component, limit=float(limit)), "reduce": "mean_where"}
 
 
 def share_above(
     name: History, limit: Annotated[float, "lower limit, itself excluded"] = 1.0, component: Component = ""
 ) -> Parts:
     """Share of the steps at which something that the filter shows lies above a limit, in any component."""
-    return {"quantity": Beyond(name=name, component=component, limit=float(limit), above=True)}
+    return {"quantity": Beyond(name=name, component=component, limit=float(limit), above=True), "reduce": "mean_where"}

@@ -14,8 +14,9 @@ from typing import Literal
 import numpy as np
 
 from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.filters.histories import components
 from rkfbench.linalg import Array
-from rkfbench.metrics.base import Each, Trial, outliers
+from rkfbench.metrics.base import Each, Trial, mean_where, outliers
 from rkfbench.models import Model
 
 
@@ -41,29 +42,31 @@ class Shown(Each):
         values = trial.estimate.extras[self.name]
         if not self.component:
             return values
-        model = trial.experiment.model
-        names = next(each for each in (model.measurements, model.states) if self.component in each)
-        return values[:, [names.index(self.component)]]
+        names = components(self.name, values.shape[1], trial.experiment.model)
+        if self.component not in names:
+            return np.full((len(values), 1, values.shape[2]), np.nan)
+        return values[:, [list(names).index(self.component)]]
 
 
 @dataclass(frozen=True)
 class MeanOf(Shown):
-    """The mean over the components; NaN at the steps that do not count."""
+    """The mean over the components that are there; NaN at the steps that do not count, or without any."""
 
     which: Literal["all", "outlier", "clean"] = "all"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        mean = np.asarray(self.values(trial).mean(1))
+        mean = mean_where(self.values(trial), axis=1)
         return mean if self.which == "all" else np.where(outliers(trial) == (self.which == "outlier"), mean, np.nan)
 
 
 @dataclass(frozen=True)
 class Beyond(Shown):
-    """1 where any component lies below the limit (or above it), else 0."""
+    """1 where any component lies below the limit (or above it), else 0; NaN where there is none."""
 
     limit: float = 1.0
     above: bool = False
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         values = self.values(trial)
-        return np.asarray((values > self.limit if self.above else values < self.limit).any(1).astype(float))
+        beyond = (values > self.limit if self.above else values < self.limit).any(1)
+        return np.where(np.isnan(values).all(1), np.nan, beyond)

@@ -13,7 +13,9 @@ from rkfbench.errors import SpecError
 from rkfbench.filters import build
 from rkfbench.filters.base import Setting
 from rkfbench.models import Navigation
+from rkfbench.models.timed import Timed
 from rkfbench.noise import Gaussian
+from tests.contract import PROBLEMS
 from tests.oracles.smoothing import augmented, least_squares
 from tests.problems import linear_problem
 
@@ -207,6 +209,35 @@ def test_the_closed_form_of_the_kalman_smoother():
     velocity = [estimate.extras["prior_cov"][0, 2, 2, 0], *(estimate.cov[t, 2, 2, 0] for t in (0, 1, 10, 100))]
     np.testing.assert_allclose(position, [2.14395329, 1.03687540, 0.58993928, 0.40644095, 0.40601447], atol=1e-8)
     np.testing.assert_allclose(velocity, [0.45637802, 0.34737802, 0.23837802, 0.09105647, 0.09087281], atol=1e-8)
+
+
+def test_steps_of_any_length_are_smoothed_up_to_the_last_one():
+    model, y = navigation(steps=30)
+    timed = Timed(replace(model, dt=0.1), np.random.default_rng(5).uniform(0.02, 0.5, 30).round(2))
+    given = dict(TOLD, Q=np.stack([A * (k + 1) / 30 for k, A in enumerate([0.1 * np.eye(4)] * 30)])[..., None])
+    point = {"at": 20, "lag": 10}
+    ks = build("ks", **point).run(timed, y, **given)
+    limit = build("fpmcs", sigma=np.inf, **point).run(timed, y, **given)
+    rts = build("rts").run(timed, y, **given)
+    np.testing.assert_allclose(limit.mean, ks.mean, atol=1e-9)
+    np.testing.assert_allclose(limit.cov, np.broadcast_to(ks.cov, limit.cov.shape), atol=1e-9)
+    np.testing.assert_allclose(ks.mean[-1], rts.mean[19], atol=1e-9)
+    assert np.abs(ks.mean - build("ks", **point).run(model, y, **given).mean).max() > 1e-2
+
+
+@pytest.mark.parametrize("name", ["daf", "sdf", "raf"])
+@pytest.mark.parametrize("smoother", [{"rts": {}}, {"fixed_point": {"at": 4, "lag": 6}}])
+def test_adaptive_filters_can_be_smoothed(name, smoother):
+    experiment, world = PROBLEMS["odometers"]
+    ((kind, point),) = smoother.items()
+    told = experiment.told
+    y, x0 = world.y[:10, :, :8], world.x0[:, :8]
+    smoothed = build({kind: {"filter": name, **point}}).run(
+        experiment.assumed_model, y, x0, told.P0, Q=told.Q, R=told.R
+    )
+    plain = build(name).run(experiment.assumed_model, y, x0, told.P0, Q=told.Q, R=told.R)
+    at = 4 if point else 10
+    np.testing.assert_allclose(smoothed.mean[0 if point else -1], plain.mean[at - 1], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["hkf", "aladkf", "mckf", "skf"])

@@ -209,6 +209,15 @@ def test_bayes_on_a_grid_is_bayes_on_a_plane():
     np.testing.assert_allclose(est.cov[2, :, :, 0], np.einsum("iab,jab,ab->ij", d, d, w), atol=0.05)
 
 
+def test_bayes_knows_a_bearing_by_atan_up_to_half_a_turn():
+    told = {"x0": np.array([-60.0, 70.0]), "P0": 100 * np.eye(2), "Q": np.zeros((2, 2)), "R": np.diag([1e-4, 6e-3])}
+    y = np.array([[95.0, 2.3], [95.01, 2.2], [94.99, 2.25]])
+    whole = build("bayes").run(RangeBearing(), y, **told)
+    half = build("bayes").run(RangeBearing(angle="atan_wrap"), y - [0, np.pi], **told)
+    np.testing.assert_allclose(half.mean, whole.mean, atol=1e-6)
+    assert np.abs(build("bayes").run(RangeBearing(), y - [0, np.pi], **told).mean - whole.mean).max() > 10
+
+
 def test_zero_is_zero_and_says_so():
     est = build("zero").run(MODEL, measured(3), **TOLD)
     assert not est.mean.any() and not est.failed.any()
