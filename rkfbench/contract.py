@@ -253,7 +253,7 @@ def missing(subject: Subject) -> Iterator[str]:
 
 def _with_one_component(subject: Subject) -> Iterator[str]:
     """What a filter shows of itself keeps its shape where one measurement component is there alone."""
-    sees = getattr(subject.filter, "sees", frozenset())
+    sees: frozenset[str] = getattr(subject.filter, "sees", frozenset())
     usual = subject.estimate(keep=sees).extras
     for i in range(subject.y.shape[1]):
         y = subject.y.copy()

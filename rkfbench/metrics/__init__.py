@@ -15,10 +15,12 @@ from rkfbench.errors import SpecError
 from rkfbench.metrics import entries
 from rkfbench.metrics.base import RECORD, TRUTH, Metric, Trial
 from rkfbench.metrics.conditioning import (
+    Conclusion,
     ConditionRatioTopPsi,
     ConditionS,
     ConditionTopLambda,
     Premise,
+    Which,
     WorseGivenPremise,
 )
 from rkfbench.metrics.errors import AbsoluteError, ErrorNorm, SquaredError, SquaredErrorWhere
@@ -93,15 +95,21 @@ def lambda_mean() -> Parts:
     return {"quantity": Lambda(), "reduce": "mean_where"}
 
 
-def share_46(
-    steps: Annotated[
-        Literal["all", "outlier", "clean", "worse"],
-        "which steps count; worse: cond(S) above that of `than` by more than rounding (1e-9)",
-    ] = "all",
-    than: Annotated[str, "label of the filter compared with"] = "kf",
-) -> Parts:
+WhichSteps = Annotated[
+    Which,
+    "which steps count; worse: cond(S) above that of `than` by more than rounding (1e-9); "
+    "single: one residual above 10 thresholds, the others within theirs",
+]
+
+
+def share_46(steps: WhichSteps = "all", than: Annotated[str, "label of the filter compared with"] = "kf") -> Parts:
     """Share of the steps at which (46) holds: cond(Psi^(-1/2)) >= cond(R)."""
     return {"quantity": Premise(steps, than), "reduce": "mean_where"}
+
+
+def share_47(steps: WhichSteps = "all", than: Annotated[str, "label of the filter compared with"] = "kf") -> Parts:
+    """Share of the steps at which (47) holds: cond(R_h) >= cond(R), R_h the inflated R."""
+    return {"quantity": Conclusion(steps, than), "reduce": "mean_where"}
 
 
 def share_worse_given_46(than: Annotated[str, "label of the filter compared with"] = "kf") -> Parts:
@@ -164,6 +172,7 @@ METRICS: dict[str, Entry] = Catalogue(
         "lambda_auc": Entry(lambda_auc, paper="aladkf-2020", equations="(38)", needs=RECORD),
         "outlier_rate": Entry(outlier_rate, paper="aladkf-2020", equations="(38)", needs=RECORD),
         "share_46": Entry(share_46, paper="aladkf-2020", equations="(46)"),
+        "share_47": Entry(share_47, paper="aladkf-2020", equations="(47)"),
         "share_worse_given_46": Entry(share_worse_given_46, paper="aladkf-2020", equations="(46)-(47)"),
         "cond_ratio_top_psi": Entry(cond_ratio_top_psi, paper="aladkf-2020", equations="(42)-(43)"),
         "cond_S_top_lambda": Entry(cond_S_top_lambda, paper="aladkf-2020", equations="(43)-(44), (58)"),

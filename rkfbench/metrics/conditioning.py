@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rkfbench.filters.base import Estimate
-from rkfbench.linalg import Array, batched, cond
+from rkfbench.filters.weights import Huber, recolour
+from rkfbench.linalg import Array, batched, cond, whitening
 from rkfbench.metrics.base import RECORD, Each, Trial, outliers, over_time
 
-Which = Literal["all", "outlier", "clean", "worse"]
+Which = Literal["all", "outlier", "clean", "worse", "single"]
+EXTREME = 10  # times the threshold of Huber's function, at which a residual is extreme
 ROUNDING = 1e-9  # relative margin of `worse`: the rounding of cond(S) is about 1e-16 cond(S), and a few units here
 
 
@@ -73,8 +75,8 @@ class ConditionRatioTopPsi(Each):
 class Premise(Each):
     """1 where (46) holds: cond(Psi^(-1/2)) = sqrt(max Phi/min Phi) >= cond(R), else 0; NaN at the steps left out.
 
-    Steps: all, those with an outlier, the clean ones, or those at which cond(S) is worse than that of the filter
-    `than`.
+    Steps: all, those with an outlier, the clean ones, those at which cond(S) is worse than that of the filter `than`,
+    or those with one extreme residual alone (the others within the threshold), of which the paper speaks after (57).
     """
 
     which: Which = "all"
@@ -90,12 +92,36 @@ class Premise(Each):
         return {self.than: frozenset({"S"})} if self.which == "worse" else MappingProxyType({})
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        holds = premise(trial)
+        holds = self.holds(trial)
         if self.which == "worse":
             return np.where(worse(trial, self.than), holds, np.nan)
+        if self.which == "single":
+            return np.where(single(trial.estimate), holds, np.nan)
         if self.which == "all":
             return holds.astype(float)
         return np.where(outliers(trial) == (self.which == "outlier"), holds, np.nan)
+
+    def holds(self, trial: Trial) -> NDArray[np.bool_]:
+        """Where (46) holds, (T, M)."""
+        return premise(trial)
+
+
+@dataclass(frozen=True)
+class Conclusion(Premise):
+    """1 where (47) holds, which (46) is enough for: cond(R_h) >= cond(R), but for rounding, with the inflated R_h = L
+    Psi^-1 L'; else 0.
+    """
+
+    def applies(self, filt: object) -> bool:
+        """Whether the filter inflates R by Huber's function."""
+        return isinstance(getattr(filt, "weight", None), Huber)
+
+    def holds(self, trial: Trial) -> NDArray[np.bool_]:
+        """Where (47) holds, (T, M)."""
+        R = batched(trial.assumed.R)
+        L, _ = whitening(R, trial.filter.weight.root)
+        inflated = over_time(lambda phi: cond(recolour(L, phi)), trial.estimate.extras["inflation"])
+        return np.asarray(inflated >= cond(R)[0] * (1 - ROUNDING))
 
 
 @dataclass(frozen=True)
@@ -129,6 +155,12 @@ def psi_condition(estimate: Estimate) -> Array:
 def premise(trial: Trial) -> NDArray[np.bool_]:
     """Where (46) holds, (T, M)."""
     return np.sqrt(psi_condition(trial.estimate)) >= cond(batched(trial.assumed.R))[0]
+
+
+def single(estimate: Estimate) -> NDArray[np.bool_]:
+    """Where one residual is extreme and the others are within the threshold, (T, M)."""
+    inflation = estimate.extras["inflation"]
+    return (inflation.max(1) > EXTREME) & ((inflation > 1).sum(1) == 1)
 
 
 def worse(trial: Trial, than: str) -> NDArray[np.bool_]:

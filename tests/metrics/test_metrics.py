@@ -11,6 +11,7 @@ from scipy import optimize, stats
 from rkfbench import metrics
 from rkfbench.errors import SpecError
 from rkfbench.experiment import Experiment
+from rkfbench.filters import build
 from rkfbench.filters.weights import Huber, LeastAbsolute, Plain
 from rkfbench.metrics import METRICS, Trial
 from rkfbench.metrics.influence import influence, window, xi_of
@@ -78,6 +79,18 @@ def test_shares_of_46_by_kind_of_step():
     for name, which in (("all", np.ones_like(flags)), ("outlier", flags), ("clean", ~flags), ("worse", worse)):
         np.testing.assert_allclose(measure(f"share_46(steps={name})", "hkf"), share(holds, which))
     np.testing.assert_allclose(measure("share_worse_given_46", "hkf"), share(worse, holds))
+    single = (phi.min(1) < 0.1) & ((phi < 1).sum(1) == 1)
+    assert single.any()
+    np.testing.assert_allclose(measure("share_46(steps=single)", "hkf"), share(holds, single))
+
+
+def test_share_of_47_by_the_inflated_noise():
+    w, V = np.linalg.eigh(EXPERIMENT.R)
+    root = (V * np.sqrt(w)) @ V.T
+    inflated = np.einsum("ij,tjm,kj->tmik", root, ESTIMATES["hkf"].extras["inflation"], root)
+    holds = np.linalg.cond(inflated) >= np.linalg.cond(EXPERIMENT.R) * (1 - 1e-9)
+    np.testing.assert_allclose(measure("share_47", "hkf"), holds.mean(0))
+    assert not metrics.applies(metrics.get("share_47"), build("aladkf"))
 
 
 def share(what, among):
