@@ -71,14 +71,6 @@ class Experiment:
     score: str = "rmse"  # the metric by which runs are judged
     recording: Recording | None = None  # what stands in place of a simulation
 
-    @property
-    def Q(self) -> Array:
-        return self.told.Q
-
-    @property
-    def R(self) -> Array:
-        return self.told.R
-
     @classmethod
     def of(cls, spec: Mapping[str, Any]) -> Experiment:
         """The experiment that a cell's specification describes; SpecError with the paths of all faults found."""
