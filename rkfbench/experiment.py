@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rkfbench import own, parts, recorded
-from rkfbench.errors import SpecError
+from rkfbench.errors import SpecError, collect, under
 from rkfbench.filters import Filter, Known, Setting
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric
@@ -24,7 +24,7 @@ from rkfbench.models.truths import Truth
 from rkfbench.noise import Law, Sample
 from rkfbench.noise.disturbances import Disturbance
 from rkfbench.noise.matrices import factor
-from rkfbench.parts import Lost, Told, collect, under
+from rkfbench.parts import Lost, Told
 from rkfbench.recording import Recording
 from rkfbench.streams import GROUP, Streams
 

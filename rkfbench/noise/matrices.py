@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.errors import SpecError, did_you_mean, under
 from rkfbench.linalg import Array
 
 LARGEST = 1e150  # of an element: squares and their sums stay finite
@@ -85,13 +85,12 @@ def _operation(spec: Mapping[str, Any], dim: int, names: Mapping[str, Array] | N
         if isinstance(factor, bool) or not isinstance(factor, int | float):
             raise SpecError("should be a number", ["times"])
         with np.errstate(all="ignore"):
-            return _finite(factor * _inside("of", spec["of"], dim, names))
+            with under("of"):
+                M = matrix(spec["of"], dim, names)
+            return _finite(factor * M)
     if len(spec) == 1 and (name := next(iter(spec))) in OPERATIONS:
-        M = _inside(name, spec[name], dim, names)
-        try:
-            return OPERATIONS[name](M)
-        except SpecError as error:
-            raise error.under(name) from None
+        with under(name):
+            return OPERATIONS[name](matrix(spec[name], dim, names))
     known = [*OPERATIONS, "times with of"]
     wrong = next((key for key in spec if key not in OPERATIONS and key not in ("times", "of")), None)
     if wrong is not None:
@@ -99,13 +98,6 @@ def _operation(spec: Mapping[str, Any], dim: int, names: Mapping[str, Array] | N
             f"unknown matrix operation{did_you_mean(wrong, OPERATIONS)} (known: {', '.join(known)})", [wrong]
         )
     raise SpecError(f"one matrix operation is expected here (known: {', '.join(known)})")
-
-
-def _inside(key: str, spec: Any, dim: int, names: Mapping[str, Array] | None) -> Array:
-    try:
-        return matrix(spec, dim, names)
-    except SpecError as error:
-        raise error.under(key) from None
 
 
 def covariance(spec: Any, dim: int, names: Mapping[str, Array] | None = None) -> Array:
