@@ -18,8 +18,9 @@ from rkfbench.linalg import Array
 LARGEST = 1e150  # of an element: squares and their sums stay finite
 
 
-def _symmetric_root(M: Array) -> Array:
-    w, V = np.linalg.eigh(_covariance(M))
+def symmetric_root(C: Array) -> Array:
+    """C^(1/2) of a positive semidefinite C; an eigenvalue that rounding took below 0 is 0."""
+    w, V = np.linalg.eigh(C)
     return (V * np.sqrt(np.maximum(w, 0))) @ V.T
 
 
@@ -37,7 +38,7 @@ def _cholesky(M: Array) -> Array:
 
 
 OPERATIONS: dict[str, Callable[[Array], Array]] = {
-    "matrix_root_of": _symmetric_root,
+    "matrix_root_of": lambda M: symmetric_root(_covariance(M)),
     "elementwise_root_of": _elementwise_root,
     "cholesky_of": _cholesky,
     "transposed_cholesky_of": lambda M: _cholesky(M).T,
@@ -122,4 +123,4 @@ def factor(C: Array) -> Array:
     try:
         return np.linalg.cholesky(C)
     except np.linalg.LinAlgError:
-        return _symmetric_root(C)
+        return symmetric_root(_covariance(C))
