@@ -29,7 +29,7 @@ from importlib import import_module
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from rkfbench.errors import Path, SpecError, did_you_mean, nearest
+from rkfbench.errors import Path, SpecError, did_you_mean, nearest, under
 from rkfbench.interrupts import held
 
 if TYPE_CHECKING:
@@ -253,8 +253,6 @@ def build_kind(catalogue: Mapping[str, Entry], what: str, spec: Any) -> Any:
     """Make what `{kind: name, **parameters}` describes; SpecError with the path of each fault."""
     if not isinstance(spec, Mapping) or "kind" not in spec:
         raise SpecError(f"a {what} is written as a mapping with 'kind' (known: {', '.join(catalogue)})")
-    try:
+    with under("kind"):
         lookup(catalogue, what, spec["kind"])
-    except SpecError as error:
-        raise error.under("kind") from None
     return build(catalogue, what, spec["kind"], {key: value for key, value in spec.items() if key != "kind"})

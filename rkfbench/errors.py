@@ -8,6 +8,7 @@ column, and raises them all at once as a `ScenarioError`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -74,6 +75,24 @@ class SpecError(UsageError):
         """One error that carries all of `errors` (at least one)."""
         first, *more = (single for error in errors for single in error)
         return cls(first.message, first.path, more)
+
+
+@contextmanager
+def under(*prefix: Key) -> Iterator[None]:
+    """A SpecError raised inside is about the part of the description at `prefix`."""
+    try:
+        yield
+    except SpecError as error:
+        raise error.under(*prefix) from None
+
+
+@contextmanager
+def collect(faults: list[SpecError]) -> Iterator[None]:
+    """A SpecError raised inside is put to the others."""
+    try:
+        yield
+    except SpecError as error:
+        faults.append(error)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rkfbench import own, parts, recorded
-from rkfbench.errors import SpecError
+from rkfbench.errors import SpecError, collect, under
 from rkfbench.filters import Filter, Known, Setting
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric
@@ -24,7 +24,7 @@ from rkfbench.models.truths import Truth
 from rkfbench.noise import Law, Sample
 from rkfbench.noise.disturbances import Disturbance
 from rkfbench.noise.matrices import factor
-from rkfbench.parts import Lost, Told, collect, under
+from rkfbench.parts import Lost, Told
 from rkfbench.recording import Recording
 from rkfbench.streams import GROUP, Streams
 
@@ -70,14 +70,6 @@ class Experiment:
     point: tuple[int, int] | None = None  # the step j and the lag of point smoothers
     score: str = "rmse"  # the metric by which runs are judged
     recording: Recording | None = None  # what stands in place of a simulation
-
-    @property
-    def Q(self) -> Array:
-        return self.told.Q
-
-    @property
-    def R(self) -> Array:
-        return self.told.R
 
     @classmethod
     def of(cls, spec: Mapping[str, Any]) -> Experiment:

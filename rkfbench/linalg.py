@@ -19,6 +19,7 @@ Array = NDArray[Any]  # of floats, unless a docstring says otherwise
 
 MANY = 40_000  # multiplications that pay for the calls which save half of them
 EXP_700 = np.exp(np.full(1, -700.0))
+SWEEPS = 6  # of Jacobi rotations: they reach the rounding level for n <= 6 (quadratic convergence)
 NOTHING = 1e-17  # less than what addition notices, relative
 LANES = 8  # runs that a vector instruction takes: BLAS rounds a batch of whole eights as it rounds any wider one
 
@@ -244,15 +245,13 @@ def _eliminate(A: Array) -> None:
         rest *= 1 / np.sqrt(rest[0])
 
 
-def eigh(A: Array, sweeps: int = 6) -> tuple[Array, Array]:
+def eigh(A: Array) -> tuple[Array, Array]:
     """Eigenvalues (n, M), ascending, and eigenvectors (n, n, M) as columns of symmetric A (n, n, M), by cyclic Jacobi
     rotations.
-
-    Six sweeps reach the rounding level for the small matrices of this package (quadratic convergence; n <= 6).
     """
     n = len(A)
     A, V = A.copy(), np.array(np.broadcast_to(eye(n), A.shape))
-    for _ in range(sweeps if n > 2 else 1):
+    for _ in range(SWEEPS if n > 2 else 1):
         for p in range(n - 1):
             for q in range(p + 1, n):
                 c, s = _rotation(A[p, p], A[q, q], A[p, q])
@@ -268,11 +267,11 @@ def eigvalsh(A: Array) -> Array:
     return np.sort(_eigenvalues(A), axis=0)
 
 
-def _eigenvalues(A: Array, sweeps: int = 6) -> Array:
+def _eigenvalues(A: Array) -> Array:
     """Eigenvalues in no order: Jacobi rotations on the upper triangle alone."""
     n = len(A)
     a = {(i, j): A[i, j] for i in range(n) for j in range(i, n)}
-    for _ in range(sweeps if n > 2 else 1):
+    for _ in range(SWEEPS if n > 2 else 1):
         least = NOTHING * np.minimum.reduce([a[i, i] for i in range(n)])
         if all((np.abs(a[i, j]) <= least).all() for i, j in a if i != j):
             break  # a rotation would no longer change any eigenvalue

@@ -1,19 +1,18 @@
 """The parts of an experiment, each made from its description: model, laws, what filters are told, filters, metrics.
 
-Every function raises SpecError with the path of a fault within the whole description; `collect` gathers several.
+Every function raises SpecError with the path of a fault within the whole description.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rkfbench import filters, metrics, models, noise
-from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.errors import SpecError, collect, did_you_mean, under
 from rkfbench.filters import Filter, Setting
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric
@@ -53,24 +52,6 @@ class Lost:
         e = error[self.first - 1 : self.last, list(self.states)] if len(error) > 1 else error[:, list(self.states)]
         size = np.sqrt((e * e).mean(0)) if self.rms else np.abs(e).max(0)
         return ~(size <= self.limit).all(0)
-
-
-@contextmanager
-def under(*prefix: str | int) -> Iterator[None]:
-    """A SpecError raised inside is about the part of the description at `prefix`."""
-    try:
-        yield
-    except SpecError as error:
-        raise error.under(*prefix) from None
-
-
-@contextmanager
-def collect(faults: list[SpecError]) -> Iterator[None]:
-    """A SpecError raised inside is put to the others."""
-    try:
-        yield
-    except SpecError as error:
-        faults.append(error)
 
 
 def models_of(spec: Mapping[str, Any]) -> tuple[Model, Model]:

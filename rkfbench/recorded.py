@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rkfbench import filters, metrics, parts, recording
-from rkfbench.errors import SpecError
+from rkfbench.errors import SpecError, under
 from rkfbench.linalg import Array
 from rkfbench.metrics import Metric
 from rkfbench.models import Model
@@ -21,7 +21,7 @@ from rkfbench.models.timed import has_dt
 from rkfbench.noise import Law, Sample
 from rkfbench.noise.gaussian import Gaussian
 from rkfbench.noise.matrices import covariance
-from rkfbench.parts import Told, under
+from rkfbench.parts import Told
 from rkfbench.recording import Recording
 
 LACKING = {

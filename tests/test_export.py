@@ -66,7 +66,7 @@ def test_export_writes_what_the_filters_of_the_study_see(small: Path) -> None:
         mat = loadmat(f"results/small~export/{case['files']['mat']}")
         np.testing.assert_array_equal(mat["y"], world.y[..., :6])
         np.testing.assert_array_equal(mat["x"], world.x[..., :6])
-        for name, expected in (("P0", experiment.told.P0), ("Q", experiment.Q), ("R", experiment.R)):
+        for name, expected in (("P0", experiment.told.P0), ("Q", experiment.told.Q), ("R", experiment.told.R)):
             np.testing.assert_array_equal(mat[name], expected)
             np.testing.assert_array_equal(case[name], expected)
         F, H, _ = experiment.model.matrices

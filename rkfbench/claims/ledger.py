@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, nan
@@ -135,16 +134,6 @@ def claim_verdicts(paper: Paper, rows: Sequence[Row], outlines: Outlines) -> tup
         headline = claim.id in paper.headline
         verdicts.append(ClaimVerdict(identity, claim, headline, verdict, shown, extreme))
     return tuple(verdicts)
-
-
-def counts(verdicts: Iterable[ClaimVerdict], reading: str) -> dict[str, Counter[Verdict]]:
-    """{evidence: number of claims with each verdict} under a reading, those on times under `timing`; without extras."""
-    found: dict[str, Counter[Verdict]] = {}
-    for each in verdicts:
-        if reading in each.verdicts and not each.claim.extra:
-            group = "timing" if each.timing else each.claim.evidence
-            found.setdefault(group, Counter())[each.verdicts[reading]] += 1
-    return found
 
 
 def under_switch(cells: Iterable[Cell], paper: Paper, scenario: str, first: str, switch: str) -> list[Cell]:

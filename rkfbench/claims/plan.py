@@ -32,7 +32,6 @@ class Outline:
     filters: tuple[str, ...]
     metrics: tuple[str, ...]
     checks: tuple[str, ...] = ()
-    timed: tuple[str, ...] = ()  # labels that only the timings have
     paper_runs: int = 100
 
     def shown(self, reading: str) -> str:
@@ -43,10 +42,9 @@ class Outline:
 Outlines = Mapping[str, Outline]
 
 
-def outline(
-    cells: Sequence[Condition], paper_runs: int, checks: Iterable[str] = (), timed: Iterable[str] = ()
-) -> Outline:
-    """What a scenario offers: all of its cells, both tiers, and the metrics that are one number a run.
+def outline(cells: Sequence[Condition], paper_runs: int, checks: Iterable[str] = ()) -> Outline:
+    """What a scenario offers: all of its cells, both tiers, filters that are only timed too, and the metrics that are
+    one number a run.
 
     Left out are curves (`rmse@k`) and metrics whose summary is no mean over the runs (`pooled_rmse`; claims write
     `metric: rmse, statistic: rms` for it).
@@ -66,7 +64,6 @@ def outline(
         filters=unique(each["label"] for cell in cells for each in cell.spec["filters"]),
         metrics=unique(name for cell in cells for name in cell.spec["metrics"] if is_number(name)),
         checks=tuple(checks),
-        timed=tuple(timed),
         paper_runs=paper_runs,
     )
 
@@ -175,8 +172,6 @@ def _name_problems(paper: Paper, claim: Claim, scenario: str, outline: Outline) 
         if (named or paper.scenarios[0]) != scenario:
             continue
         known = _known(paper, outline, use.kind)
-        if use.kind == "filter" and use.name in outline.timed:
-            continue
         if use.name in known:
             continue
         if use.kind == "case" and not use.name:

@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+TAIL = 0.025  # probability that a rank interval leaves out on either side
+
 
 def mean(x: Array) -> Array:
     """The mean of x (M,) and its replicates; without run i it is m - (x_i - m)/(M - 1)."""
@@ -71,16 +73,16 @@ def median(x: Array) -> Array:
     return _replicates(middle, middle - np.sign(x - middle) * se / sqrt(n - 1))
 
 
-def rank_interval(x: Array, tail: float = 0.025) -> tuple[float, float]:
-    """The order statistics x_(c) and x_(n+1-c) with the median between them but for probability `tail` on either side,
+def rank_interval(x: Array) -> tuple[float, float]:
+    """The order statistics x_(c) and x_(n+1-c) with the median between them but for probability TAIL on either side,
 
-        c the largest number with P(X < c) <= tail, X ~ Binomial(n, 1/2),
+        c the largest number with P(X < c) <= TAIL, X ~ Binomial(n, 1/2),
 
     whatever the law of x (which may hold +inf); NaN where the runs are too few.
     """
     n = x.size
-    c = round((n + 1) / 2 + NormalDist().inv_cdf(tail) * sqrt(n) / 2) + 1  # the normal approximation, from above
-    while c > 0 and _binomial_below(c, n) > tail:
+    c = round((n + 1) / 2 + NormalDist().inv_cdf(TAIL) * sqrt(n) / 2) + 1  # the normal approximation, from above
+    while c > 0 and _binomial_below(c, n) > TAIL:
         c -= 1
     if c < 1:
         return float("nan"), float("nan")

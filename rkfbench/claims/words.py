@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import isfinite, isnan, nan
 from typing import Any
 
-from rkfbench.claims.ledger import ClaimVerdict, Row, counts
+from rkfbench.claims.ledger import ClaimVerdict, Row
 from rkfbench.claims.records import record
 from rkfbench.claims.verdict import Holds, Verdict
 
@@ -106,14 +106,19 @@ def _rounded(number: int) -> int:
 
 def summary(verdicts: Iterable[ClaimVerdict], reading: str) -> str:
     """The verdicts of a paper under a reading as one `phrase`."""
-    total = counts(verdicts, reading)
-    timed = total.pop("timing", Counter())
-    said = sum((total[each] for each in IN_TEXT if each in total), Counter[Verdict]())
-    apart = sum((number for each, number in total.items() if each not in IN_TEXT), Counter[Verdict]())
-    return phrase(said, apart, timed)
+    there = (each for each in verdicts if reading in each.verdicts and not each.claim.extra)
+    return phrase(**counts((each.verdicts[reading], each.claim.evidence, each.timing) for each in there))
 
 
-def phrase(said: Counter[Any], apart: Counter[Any], timed: Counter[Any]) -> str:
+def counts(claims: Iterable[tuple[str, str, bool]]) -> dict[str, Counter[str]]:
+    """Claims by verdict, apart as in `phrase`; of each claim the verdict, the evidence, whether a clock decides."""
+    found: dict[str, Counter[str]] = {"said": Counter(), "apart": Counter(), "timed": Counter()}
+    for verdict, evidence, timing in claims:
+        found["timed" if timing else "said" if evidence in IN_TEXT else "apart"][verdict] += 1
+    return found
+
+
+def phrase(said: Counter[str], apart: Counter[str], timed: Counter[str]) -> str:
     """`22 of 30 claims reproduced, 5 not reproduced, 3 inconclusive; of 4 reconstructed or our own, 3 reproduced`.
 
     said: what the papers say. apart: what is reconstructed or ours. timed: what a clock decides.

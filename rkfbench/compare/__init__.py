@@ -29,7 +29,6 @@ from rkfbench.compare.pair import Difference, Key, Pair
 from rkfbench.compare.tested import counts, curves, summaries
 from rkfbench.store.results import RUNS, Results
 
-TOLERANCE = 1e-9  # relative: what another machine may change
 FAMILY_ERROR = 0.05
 TABLES = ("summary.csv", "series.csv", "filters.csv", "runs.csv", "checks.csv")
 
@@ -46,9 +45,9 @@ class Comparison:
     differences: list[Difference] = field(default_factory=list)
 
 
-def compare(a: Results, b: Results, tolerance: float = TOLERANCE, common: bool = False) -> Comparison:
+def compare(a: Results, b: Results, common: bool = False) -> Comparison:
     """The strongest level on which two results agree; with `common`, what only one of them has does not count."""
-    pair = Pair(a, b, tolerance)
+    pair = Pair(a, b)
     if _same_bytes(a, b, common):
         return Comparison("same bytes", len(pair.first))
     certain = [*pair.crossed()] if common else [*pair.crossed(), *pair.alone()]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rkfbench.store import files
 from rkfbench.store.results import Results, Row
 
+TOLERANCE = 1e-9  # relative: what another machine may change
 STATISTICS = ("runs", "failed", "lost", "mean", "se", "sd", "median", "q05", "q95", "max")
 CURVES = ("k", "mean", "se", "median", "first")
 
@@ -53,8 +54,8 @@ class Difference:
 class Pair:
     """Two folders with their rows by key."""
 
-    def __init__(self, a: Results, b: Results, tolerance: float) -> None:
-        self.a, self.b, self.tolerance = a, b, tolerance
+    def __init__(self, a: Results, b: Results) -> None:
+        self.a, self.b = a, b
         self.first, self.second = _rows(a), _rows(b)
         self.rows = [key for key in self.first if key in self.second]
         self.paired = a.seed == b.seed and a.has_runs and b.has_runs
@@ -107,7 +108,7 @@ class Pair:
         """Whether checks deviate alike; what lies within its tolerance is rounding."""
         return all(
             self.equal(limit, self.b.checks[id][1])
-            and math.isclose(x, self.b.checks[id][0], rel_tol=self.tolerance, abs_tol=limit)
+            and math.isclose(x, self.b.checks[id][0], rel_tol=TOLERANCE, abs_tol=limit)
             for id, (x, limit) in self.a.checks.items()
             if id in self.b.checks
         )
@@ -124,12 +125,12 @@ class Pair:
         if undefined(x) or undefined(y):
             return undefined(x) and undefined(y)
         numbers = isinstance(x, int | float) and isinstance(y, int | float)
-        return x == y or bool(numbers and math.isclose(x, y, rel_tol=self.tolerance))
+        return x == y or bool(numbers and math.isclose(x, y, rel_tol=TOLERANCE))
 
     def alike(self, x: Array, y: Array | float) -> NDArray[np.bool_]:
         """Where numbers agree to the tolerance, or neither is one."""
         with np.errstate(invalid="ignore", over="ignore"):
-            near = np.abs(x - y) <= self.tolerance * np.maximum(np.abs(x), np.abs(y))
+            near = np.abs(x - y) <= TOLERANCE * np.maximum(np.abs(x), np.abs(y))
         return (x == y) | (near & np.isfinite(x) & np.isfinite(y)) | (np.isnan(x) & np.isnan(y))
 
 

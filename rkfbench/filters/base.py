@@ -101,7 +101,7 @@ class Filter(Protocol):
         streams: Streams | None = None,
     ) -> Estimate:
         """Estimate from y (T, m, M) or (T, m), starting before the first step from mean x0 (n,) or (n, M) and
-        covariance P0 (n, n).
+        covariance P0 (n, n). References that read `known`, and estimates from a file, take y (T, m, M) alone.
 
         Q (n, n) and R (m, m) are the covariances that the filter is told, or (T, n, n, M or 1) and (T, m, m, M or 1).
         NaN in y is a missing component.

@@ -2,9 +2,11 @@
 details are ours.
 
 Particles (n, M, N) move with the model and the law of the process noise; log weights add the log likelihood; where the
-effective sample size 1/sum W^2 falls below a share of N, systematic resampling. A few runs go through at a time, with
-streams of their own, so memory grows neither with the steps nor with the runs, and no number depends on how many runs
-there are. A run whose weights all vanish has failed; its neighbours are not touched.
+effective sample size 1/sum W^2 falls below a share of N, systematic resampling. Portions of 25 runs of a group of 128
+(its last one: 3) go through one after the other, each with streams of its own, so memory grows neither with the steps
+nor with the runs. How many runs there are changes no number of a whole portion, and a study computes whole ones only;
+a last portion that is cut short has other draws. A run whose weights all vanish has failed; its neighbours are not
+touched.
 
 Pitfall: a resampled copy of x_j can only die out. The number of distinct copies is part of the result (`distinct`).
 """

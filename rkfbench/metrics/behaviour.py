@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rkfbench.errors import SpecError
 from rkfbench.linalg import Array, dot, solve
 from rkfbench.metrics.base import Each, Trial, over_time
+from rkfbench.metrics.consistency import StatedSquare
 
 
 @dataclass(frozen=True)
@@ -82,15 +83,11 @@ class Nees(Each):
 
 
 @dataclass(frozen=True)
-class StandardDeviation(Each):
+class StandardDeviation(StatedSquare):
     """What the filter says of its own error: the root of the summed variances of the states."""
 
-    keep: ClassVar[frozenset[str]] = frozenset({"cov"})
-
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        if trial.estimate.cov is None:
-            raise SpecError("sd needs the covariance of the estimate")
-        return np.sqrt(sum(trial.estimate.cov[:, i, i] for i in states))
+        return np.sqrt(super().__call__(trial, states))
 
 
 @dataclass(frozen=True)

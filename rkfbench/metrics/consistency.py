@@ -15,6 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rkfbench.errors import SpecError
 from rkfbench.linalg import Array, eigvalsh, positive_definite
 from rkfbench.metrics.base import Each, Trial, over_time
 from rkfbench.metrics.errors import SquaredError
@@ -41,7 +42,8 @@ class StatedSquare(Each):
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         P = trial.estimate.cov
-        assert P is not None
+        if P is None:
+            raise SpecError("the covariance of the estimate is needed")
         return np.asarray(sum(P[:, i, i] for i in states))
 
 

@@ -6,15 +6,14 @@ L'), standard deviations (`sd`) and, for Laplace noise, squared scales (`scale`,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Gt, Interval, MinLen
 
 from rkfbench.catalogue import Catalogue, Entry, build_kind
-from rkfbench.errors import SpecError
+from rkfbench.errors import SpecError, under
 from rkfbench.linalg import Array
 from rkfbench.noise.base import Law, Sample
 from rkfbench.noise.contaminated import Contaminated
@@ -112,7 +111,7 @@ def mixture(
     def make(dim: int, body: Law | None) -> Law:
         parts = []
         for i, spec in enumerate(components):
-            with _under("components", i):
+            with under("components", i):
                 law = build(spec, dim, body)
                 if not isinstance(law, Gaussian):
                     raise SpecError("the parts of a mixture are gaussian", ["kind"])
@@ -150,27 +149,18 @@ def _one_of(**given: Any) -> str:
     return names[0]
 
 
-@contextmanager
-def _under(*place: str | int) -> Iterator[None]:
-    """A SpecError raised inside is about the part of the description at `place`."""
-    try:
-        yield
-    except SpecError as error:
-        raise error.under(*place) from None
-
-
 def _inner(key: str, spec: Mapping[str, Any], dim: int, body: Law | None) -> Law:
-    with _under(key):
+    with under(key):
         return build(spec, dim, body)
 
 
 def _matrix(key: str, spec: Any, dim: int, names: Mapping[str, Array]) -> Array:
-    with _under(key):
+    with under(key):
         return matrix(spec, dim, names)
 
 
 def _covariance(key: str, spec: Any, dim: int, names: Mapping[str, Array]) -> Array:
-    with _under(key):
+    with under(key):
         return covariance(spec, dim, names)
 
 

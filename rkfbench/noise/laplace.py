@@ -16,7 +16,7 @@ import numpy as np
 
 from rkfbench.linalg import Array, dot, mul, whitening
 from rkfbench.noise.base import Sample
-from rkfbench.noise.matrices import factor
+from rkfbench.noise.matrices import factor, symmetric_root
 from rkfbench.streams import Streams
 
 
@@ -85,8 +85,7 @@ class LaplaceIndependent:
 
     @property
     def root(self) -> Array:
-        w, V = np.linalg.eigh(self.C)
-        return (V * np.sqrt(np.maximum(w, 0))) @ V.T
+        return symmetric_root(self.C)
 
     def sample(self, draw: Streams, steps: int) -> Sample:
         g = draw.normal("normal", steps, self.dim)

@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.errors import SpecError, did_you_mean, under
 from rkfbench.linalg import Array
 
 LARGEST = 1e150  # of an element: squares and their sums stay finite
 
 
-def _symmetric_root(M: Array) -> Array:
-    w, V = np.linalg.eigh(_covariance(M))
+def symmetric_root(C: Array) -> Array:
+    """C^(1/2) of a positive semidefinite C; an eigenvalue that rounding took below 0 is 0."""
+    w, V = np.linalg.eigh(C)
     return (V * np.sqrt(np.maximum(w, 0))) @ V.T
 
 
@@ -37,7 +38,7 @@ def _cholesky(M: Array) -> Array:
 
 
 OPERATIONS: dict[str, Callable[[Array], Array]] = {
-    "matrix_root_of": _symmetric_root,
+    "matrix_root_of": lambda M: symmetric_root(_covariance(M)),
     "elementwise_root_of": _elementwise_root,
     "cholesky_of": _cholesky,
     "transposed_cholesky_of": lambda M: _cholesky(M).T,
@@ -85,13 +86,12 @@ def _operation(spec: Mapping[str, Any], dim: int, names: Mapping[str, Array] | N
         if isinstance(factor, bool) or not isinstance(factor, int | float):
             raise SpecError("should be a number", ["times"])
         with np.errstate(all="ignore"):
-            return _finite(factor * _inside("of", spec["of"], dim, names))
+            with under("of"):
+                M = matrix(spec["of"], dim, names)
+            return _finite(factor * M)
     if len(spec) == 1 and (name := next(iter(spec))) in OPERATIONS:
-        M = _inside(name, spec[name], dim, names)
-        try:
-            return OPERATIONS[name](M)
-        except SpecError as error:
-            raise error.under(name) from None
+        with under(name):
+            return OPERATIONS[name](matrix(spec[name], dim, names))
     known = [*OPERATIONS, "times with of"]
     wrong = next((key for key in spec if key not in OPERATIONS and key not in ("times", "of")), None)
     if wrong is not None:
@@ -99,13 +99,6 @@ def _operation(spec: Mapping[str, Any], dim: int, names: Mapping[str, Array] | N
             f"unknown matrix operation{did_you_mean(wrong, OPERATIONS)} (known: {', '.join(known)})", [wrong]
         )
     raise SpecError(f"one matrix operation is expected here (known: {', '.join(known)})")
-
-
-def _inside(key: str, spec: Any, dim: int, names: Mapping[str, Array] | None) -> Array:
-    try:
-        return matrix(spec, dim, names)
-    except SpecError as error:
-        raise error.under(key) from None
 
 
 def covariance(spec: Any, dim: int, names: Mapping[str, Array] | None = None) -> Array:
@@ -130,4 +123,4 @@ def factor(C: Array) -> Array:
     try:
         return np.linalg.cholesky(C)
     except np.linalg.LinAlgError:
-        return _symmetric_root(C)
+        return symmetric_root(_covariance(C))

@@ -134,7 +134,7 @@ def write(path: Path, found: Iterable[Entry]) -> None:
 
 
 def read(path: Path) -> list[Entry]:
-    """What `write_entries` wrote."""
+    """What `write` wrote."""
     texts = ("reading", "row", "column", "case", "filter", "metric", "statistic")
     return [Entry(**{**row, **{name: text(row[name]) for name in texts}}) for row in files.read_records(path)]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rkfbench.report import style
 from rkfbench.report.words import PLAIN
 from rkfbench.store import files
-from rkfbench.study.axes import Axis
+from rkfbench.study.axes import WIDE, Axis
 from rkfbench.study.tune import Score, Tuned
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _panel(ax: Axes, each: Tuned, path: str, look: style.Look) -> None:
     places = values if numbers else list(range(len(values)))
     if not numbers:
         ax.set_xticks(places, [str(value) for value in values])
-    elif min(values) > 0 and max(values) > 20 * min(values):
+    elif min(values) > 0 and max(values) > WIDE * min(values):
         ax.set_xscale("log")
     means, errors = zip(*(_mean(score) for _, score in curve), strict=True)
     ax.plot(places, means, color=look.colour, marker=".")

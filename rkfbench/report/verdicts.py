@@ -10,7 +10,7 @@ from typing import Any
 
 from rkfbench.claims import words
 from rkfbench.claims.verdict import Holds, combine
-from rkfbench.claims.words import IN_TEXT, phrase
+from rkfbench.claims.words import phrase
 from rkfbench.report import forest
 from rkfbench.report.material import distinct, text
 from rkfbench.report.numbers import written
@@ -190,12 +190,8 @@ def mostly_lost(row: Row) -> str:
 
 def _counted(claims: Sequence[ClaimView], reading: str) -> dict[str, Counter[str]]:
     """The verdicts on what the papers say, on what is reconstructed or ours, and on times; without extras."""
-    counted: dict[str, Counter[str]] = {"said": Counter(), "apart": Counter(), "timed": Counter()}
-    for claim in claims:
-        if reading in claim.verdicts and not claim.extra:
-            group = "timed" if claim.timing else "said" if claim.evidence in IN_TEXT else "apart"
-            counted[group][claim.verdicts[reading]] += 1
-    return counted
+    there = (claim for claim in claims if reading in claim.verdicts and not claim.extra)
+    return words.counts((claim.verdicts[reading], claim.evidence, claim.timing) for claim in there)
 
 
 def _verdict(cells: Sequence[Row], claim: Claim | None) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from rkfbench import metrics, models, noise
 from rkfbench.catalogue import build_kind, check
-from rkfbench.errors import Key, SpecError
+from rkfbench.errors import Key, SpecError, collect, under
 from rkfbench.experiment import Experiment as Made
 from rkfbench.filters import build as build_filter
 from rkfbench.models import truths
@@ -74,11 +74,9 @@ class Checker:
 
 def attempt(faults: list[SpecError], make: Callable[[], Any], *place: Key) -> Any:
     """What `make` makes; None where it raises SpecError, which goes to the faults."""
-    try:
+    with collect(faults), under(*place):
         return make()
-    except SpecError as error:
-        faults.append(error.under(*place))
-        return None
+    return None
 
 
 def _look_into_parts(spec: Map, faults: list[SpecError]) -> None:

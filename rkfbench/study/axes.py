@@ -18,7 +18,7 @@ from rkfbench.scenario.expand import MOST_POINTS, between
 from rkfbench.scenario.filters import Head
 from rkfbench.scenario.yaml import Mark, parse_value
 
-WIDE = 20.0  # a range over more than this factor is divided geometrically
+WIDE = 20.0  # a range over more than this factor is divided geometrically, and drawn so
 NOT_TUNED = ("label", "extra", "timing")  # they change no number
 
 Setting = dict[str, Any]  # path of a parameter -> value

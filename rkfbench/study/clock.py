@@ -57,7 +57,7 @@ def measured(
         return None
     values: dict[tuple[str, ...], list[float]] = {}
     for cell, labels in jobs:
-        for time in measure(cell.case, cell.spec, scenario.seed, labels, full=full):
+        for time in measure(cell.spec, scenario.seed, labels, full=full):
             values.setdefault((cell.reading, cell.case, time.filter, time.metric), []).append(time.value)
     return Times(made_from, values)
 

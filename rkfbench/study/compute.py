@@ -42,18 +42,15 @@ class FilterResult:
 
 @dataclass(frozen=True)
 class BlockResult:
-    """The filters of one block, which holds the runs first .. last - 1."""
+    """The filters of one block."""
 
-    first: int
-    last: int
     filters: Mapping[str, FilterResult]
 
 
 def compute(spec: Mapping[str, Any], seed: int, block: int, runs: int, labels: Sequence[str]) -> BlockResult:
     """Filters `labels` on block number `block` of a study of `runs` runs of the cell that `spec` describes."""
     results = {label: result for label, (result,) in together([spec], seed, block, runs, labels)}
-    first, last = _runs_of(spec["steps"], block, runs)
-    return BlockResult(first, last, {label: results[label] for label in labels})
+    return BlockResult({label: results[label] for label in labels})
 
 
 def together(

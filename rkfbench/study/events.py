@@ -8,10 +8,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Planned:
-    """The work is known: so many cases and blocks, and in how many blocks something has to be computed."""
+    """The work is known: in how many blocks something has to be computed."""
 
-    cases: int
-    blocks: int
     missing: int
 
 
@@ -47,8 +45,6 @@ class BlockDone:
     """A block is on the disk."""
 
     case: str
-    block: int
-    runs: int
 
 
 @dataclass(frozen=True)

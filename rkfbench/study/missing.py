@@ -32,7 +32,7 @@ def compute_missing(
     """Compute what the folder does not hold of these units: how many these were, and what failed."""
     stored = [plan.look_up(unit) for unit in units]
     wanted = [(unit, was) for unit, was in zip(units, stored, strict=True) if was.missing]
-    report(Planned(len({id(unit.cell) for unit in units}), len(units), len(wanted)))
+    report(Planned(len(wanted)))
     for reason in dict.fromkeys(was.reason for _, was in wanted if was.reason):
         cases = dict.fromkeys(plan.name(unit.cell) for unit, was in wanted if was.reason == reason)
         report(Recomputing(tuple(cases), reason))
@@ -85,7 +85,7 @@ def _compute(
                     if not draft.missing:
                         del drafts[i]
                         case = plan.name(draft.unit.cell)
-                        report(BlockDone(case, draft.unit.block, draft.unit.last - draft.unit.first))
+                        report(BlockDone(case))
                         open_blocks[case] -= 1
                         if not open_blocks[case]:
                             report(CaseDone(case, scenario.runs, len(draft.unit.labels)))

@@ -28,16 +28,12 @@ LEAST = 5  # steps, however long they take
 class Time:
     """One measurement; metric is time_ms or time_ns."""
 
-    case: str
-    repeat: int
     filter: str
     metric: str
     value: float
 
 
-def measure(
-    case: str, spec: Mapping[str, Any], seed: int, labels: Sequence[str], *, full: bool = False
-) -> Iterator[Time]:
+def measure(spec: Mapping[str, Any], seed: int, labels: Sequence[str], *, full: bool = False) -> Iterator[Time]:
     """Times of the filters `labels` in the case that `spec` describes, in both forms if `full`; two rounds come before
     those that count: one warms up, one tells how many steps take long enough to be measured.
     """
@@ -56,7 +52,7 @@ def measure(
                     whole = settles(experiment, label) or (full and metric == "time_ms")
                     steps_of[metric, label] = T if whole else min(T, max(LEAST, int(SECONDS / step)))
                 else:
-                    yield Time(case, repeat, label, metric, step * scale_of[metric])
+                    yield Time(label, metric, step * scale_of[metric])
 
 
 def settles(experiment: Experiment, label: str) -> bool:

@@ -53,10 +53,10 @@ def outline_of(stats: Arrays, readings: tuple[str, ...] = ("default",)) -> Outli
     return Outline(readings, cases or ("",), filters, metrics, tuple(stats.checks))
 
 
-def offered(scenario: str, paper: str, timed: tuple[str, ...] = ()) -> Outline:
+def offered(scenario: str, paper: str) -> Outline:
     """What a bundled scenario offers to the claims of a paper."""
     loaded = load(scenario)
-    return outline(loaded.cells, loaded.paper_runs, checks_of(paper), timed)
+    return outline(loaded.cells, loaded.paper_runs, checks_of(paper))
 
 
 def rows_of(claim: Mapping[str, Any], stats: Arrays) -> tuple[Row, ...]:

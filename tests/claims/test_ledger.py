@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 from rkfbench.claims import records
-from rkfbench.claims.ledger import ClaimVerdict, Row, claim_verdicts, counts, family_of, ledger, under_switch
+from rkfbench.claims.ledger import ClaimVerdict, Row, claim_verdicts, family_of, ledger, under_switch
 from rkfbench.claims.plan import Outline, plan
 from rkfbench.claims.records import COLUMNS, KEY, record, stored, verify
 from rkfbench.claims.verdict import judge
@@ -128,15 +127,7 @@ def test_a_row_shows_what_the_papers_own_number_of_runs_could_have_seen() -> Non
     assert row.at_paper_runs == there.verdict
 
 
-def test_counts_keep_apart_what_the_paper_says_what_is_ours_and_what_a_clock_decides_and_leave_out_extras() -> None:
-    found = counts(verdicts().values(), "root")
-    assert found == {
-        "text": Counter({"reproduced": 2, "unsupported": 1, "not testable": 1}),
-        "literature": Counter({"not reproduced": 1}),
-        "reconstruction": Counter({"inconclusive": 1}),
-        "ours": Counter({"reproduced": 1, "not reproduced": 1}),
-        "timing": Counter({"reproduced": 1}),
-    }
+def test_a_summary_keeps_apart_what_the_paper_says_what_is_ours_and_what_a_clock_decides_without_extras() -> None:
     assert summary(verdicts().values(), "root") == (
         "2 of 5 claims reproduced, 1 not reproduced, 1 not testable, 1 unsupported; "
         "of 3 reconstructed or our own, 1 reproduced; of 1 on computing times, 1 reproduced"

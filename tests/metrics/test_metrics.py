@@ -74,7 +74,7 @@ def conditions(label):
 
 def test_shares_of_46_by_kind_of_step():
     phi = 1 / ESTIMATES["hkf"].extras["inflation"]
-    holds = np.sqrt(phi.max(1) / phi.min(1)) >= np.linalg.cond(EXPERIMENT.R)
+    holds = np.sqrt(phi.max(1) / phi.min(1)) >= np.linalg.cond(EXPERIMENT.told.R)
     flags, worse = WORLD.v.flags, conditions("hkf") > conditions("kf") * (1 + 1e-9)
     for name, which in (("all", np.ones_like(flags)), ("outlier", flags), ("clean", ~flags), ("worse", worse)):
         np.testing.assert_allclose(measure(f"share_46(steps={name})", "hkf"), share(holds, which))
@@ -138,7 +138,7 @@ def test_lambda_tells_outliers_as_ranks_say():
         assert top[i] == pytest.approx(flags[np.argsort(lam[:, i])[48:], i].mean())
 
 
-def naive_influence(weight, k, i, c=None, Q=EXPERIMENT.Q, R=EXPERIMENT.R, y=WORLD.y, literal=False, u=None):
+def naive_influence(weight, k, i, c=None, Q=EXPERIMENT.told.Q, R=EXPERIMENT.told.R, y=WORLD.y, literal=False, u=None):
     """Eqs (59)-(77) for one run, term by term; what a known input added to x_{k-d} since is taken off by going back."""
     F, H, _ = EXPERIMENT.model.matrices
     c = WORLD.x[k - 1, :, i] if c is None else c
@@ -165,7 +165,7 @@ def naive_influence(weight, k, i, c=None, Q=EXPERIMENT.Q, R=EXPERIMENT.R, y=WORL
 @pytest.mark.parametrize("weight", [Plain(), Huber(), LeastAbsolute()], ids=["kf", "hkf", "aladkf"])
 def test_influence_functions_equal_a_naive_evaluation_at_full_window_length(weight):
     F, H, _ = EXPERIMENT.model.matrices
-    IF = influence(weight, F, H, EXPERIMENT.Q, EXPERIMENT.R, WORLD.x, WORLD.y, [10, 60])
+    IF = influence(weight, F, H, EXPERIMENT.told.Q, EXPERIMENT.told.R, WORLD.x, WORLD.y, [10, 60])
     for i in (0, 99):
         for j, k in enumerate((10, 60)):
             np.testing.assert_allclose(IF[j, :, i], naive_influence(weight, k, i), rtol=1e-7, atol=1e-9)
@@ -192,7 +192,7 @@ def test_influence_about_the_own_estimate_and_with_literal_integrals(label):
 def test_a_literal_integral_that_leaves_a_singular_matrix_takes_the_pseudo_inverse():
     """All |v| beyond a tiny threshold: the matrix is zero, and so is its pseudo-inverse."""
     F, H, _ = EXPERIMENT.model.matrices
-    told = F, H, EXPERIMENT.Q, EXPERIMENT.R, WORLD.x, WORLD.y, [20]
+    told = F, H, EXPERIMENT.told.Q, EXPERIMENT.told.R, WORLD.x, WORLD.y, [20]
     assert (influence(Huber(1e-12), *told, xi="literal") == 0).all()
     IF = influence(Huber(0.2), *told, xi="literal")[0]
     for i in range(0, 128, 9):
@@ -293,9 +293,9 @@ def test_the_window_of_the_paper():  # checks 14 and 15 of the note
 def test_the_influence_of_the_kf_is_a_distance_from_a_least_squares_solution_and_bounds_hold():  # 15, 16
     F, H, _ = EXPERIMENT.model.matrices
     k = 20
-    W, h, G = window(F, H, EXPERIMENT.Q, EXPERIMENT.R, k)
+    W, h, G = window(F, H, EXPERIMENT.told.Q, EXPERIMENT.told.R, k)
     IF = {
-        name: influence(w, F, H, EXPERIMENT.Q, EXPERIMENT.R, WORLD.x, WORLD.y, [k])[0]
+        name: influence(w, F, H, EXPERIMENT.told.Q, EXPERIMENT.told.R, WORLD.x, WORLD.y, [k])[0]
         for name, w in (("kf", Plain()), ("wide", Huber(1e9)), ("hkf", Huber()), ("lad", LeastAbsolute()))
     }
     i = 4
@@ -310,7 +310,7 @@ def test_the_influence_of_the_kf_is_a_distance_from_a_least_squares_solution_and
 
 def test_the_minimiser_of_the_objective_equals_scipys():
     F, H, _ = EXPERIMENT.model.matrices
-    W, h, _ = window(F, H, EXPERIMENT.Q, EXPERIMENT.R, 30)
+    W, h, _ = window(F, H, EXPERIMENT.told.Q, EXPERIMENT.told.R, 30)
     z = W @ WORLD.y[29::-1]
     best = minimise(h, z, np.zeros((4, 128)))
     for i in (0, 60):

@@ -97,7 +97,8 @@ def test_improvements_are_those_of_the_stated_covariances():
     smoother = build("ks", at=12, lag=6)
     experiment = Experiment.of(SPEC)
     y = np.zeros((40, 2, 1))
-    own = smoother.run(experiment.model, y, experiment.told.mean, experiment.told.P0, Q=experiment.Q, R=experiment.R)
+    told = experiment.told
+    own = smoother.run(experiment.model, y, told.mean, told.P0, Q=told.Q, R=told.R)
     before, after = (np.trace(P[..., 0]) for P in (own.extras["prior_cov"][0], own.cov[-1]))
     np.testing.assert_allclose(ks.values["improvement@j"], 100 * (1 - after / before), rtol=1e-10)
     np.testing.assert_allclose(ks.values["trace@j"], after, rtol=1e-10)

@@ -21,17 +21,16 @@ SPEC = {**SPECS["navigation"], "steps": 400, "filters": FILTERS}
 
 def test_filters_are_interleaved_and_measured_in_both_forms(monkeypatch):
     monkeypatch.setattr(timing, "REPEATS", 3)
-    times = list(timing.measure("case", SPEC, 1, ["kf", "hkf"], full=True))
-    assert [(t.repeat, t.metric, t.filter) for t in times] == [
-        (repeat, metric, label) for repeat in range(3) for metric in ("time_ms", "time_ns") for label in ("kf", "hkf")
-    ]
-    assert all(t.value > 0 and t.case == "case" for t in times)
+    times = list(timing.measure(SPEC, 1, ["kf", "hkf"], full=True))
+    repeat = [(metric, label) for metric in ("time_ms", "time_ns") for label in ("kf", "hkf")]
+    assert [(t.metric, t.filter) for t in times] == 3 * repeat
+    assert all(t.value > 0 for t in times)
 
 
 def test_a_time_is_scaled_to_the_steps_of_a_run_and_to_one_run_and_step(monkeypatch):
     monkeypatch.setattr(timing, "REPEATS", 1)
     monkeypatch.setattr(timing, "seconds", lambda experiment, world, label, runs, steps: 0.001 * steps)
-    found = {t.metric: t.value for t in timing.measure("case", SPEC, 1, ["hkf"], full=True)}
+    found = {t.metric: t.value for t in timing.measure(SPEC, 1, ["hkf"], full=True)}
     assert found["time_ms"] == 400.0  # 1 ms a step, 400 steps
     assert abs(found["time_ns"] - 1e6 / 128) < 1e-6
 
@@ -45,10 +44,10 @@ def test_a_filter_whose_gains_settle_is_timed_over_all_steps(monkeypatch):
         return 0.001 * steps
 
     monkeypatch.setattr(timing, "seconds", seconds)
-    list(timing.measure("case", SPEC, 1, ["kf", "ks", "kf_each_step", "hkf"]))
+    list(timing.measure(SPEC, 1, ["kf", "ks", "kf_each_step", "hkf"]))
     assert asked == {"kf": [5, 400, 400], "ks": [5, 400, 400], "kf_each_step": [5] * 3, "hkf": [5] * 3}
     asked.clear()
-    list(timing.measure("case", SPEC, 1, ["kf", "hkf"], full=True))  # runs by themselves are whole, then batches
+    list(timing.measure(SPEC, 1, ["kf", "hkf"], full=True))  # runs by themselves are whole, then batches
     assert asked == {"kf": [5, 5, 400, 400, 400, 400], "hkf": [5, 5, 400, 5, 400, 5]}
 
 
@@ -71,7 +70,7 @@ def test_a_particle_smoother_is_timed_with_the_estimates_of_its_filter(monkeypat
 
 def test_a_reference_that_needs_the_record_is_timed_too(monkeypatch):
     monkeypatch.setattr(timing, "REPEATS", 1)
-    assert len(list(timing.measure("case", SPEC, 1, ["clairvoyant_kf"], full=True))) == 2
+    assert len(list(timing.measure(SPEC, 1, ["clairvoyant_kf"], full=True))) == 2
 
 
 @pytest.mark.parametrize(

@@ -162,7 +162,7 @@ def test_two_continuous_parameters_go_through_the_simplex(small: Path, monkeypat
             a, b = each.get("alpha", 1.0) - 0.7, each.get("kappa", 1.0) - 1.1
             values = {"rmse": np.full(runs, a * a + b * b + a * b)}
             parts[each["label"]] = module.FilterResult(np.zeros(runs, bool), np.zeros(runs, bool), values, {})
-        return module.BlockResult(0, runs, parts)
+        return module.BlockResult(parts)
 
     monkeypatch.setattr(module, "compute", bowl)
     spec = {"use": "ukf", "label": "ukf"}
