@@ -84,12 +84,11 @@ def experiment(
             with read_once(folder):
                 with lock:
                     outcome = replace(computed.write(), failures=failures)
-                    if not failures:
-                        tuning.tie(folder, bool(choices))
-                        if times is not None:
-                            clock.write(times, folder)
-                        checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
-                        derived.update(scenario, folder, pool, fresh=fresh)
+                    tuning.tie(folder, bool(choices) and not failures)
+                    if times is not None:
+                        clock.write(times, folder)
+                    checks.update(scenario.paper or "", {form.check for form in forms} - {""}, folder, fresh=fresh)
+                    derived.update(scenario, folder, pool, fresh=fresh)  # of what did not fail, if something did
                 done(outcome)
 
         aside(finish)

@@ -264,6 +264,8 @@ def _partly(y: Array) -> str:
 
 
 def _floats(name: str, what: str, value: Any, where: str = "") -> Array:
+    if np.iscomplexobj(value):
+        raise PluginFault(f"{name} has complex {what}{where}: give its real part, if that is what is meant")
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:

@@ -139,6 +139,7 @@ def test_what_makes_no_filter_is_told_where_it_stands(folder, spec, path, messag
         ("plugins:grows", r"plugins:grows has x of shape \(5,\) in run 0, step 1, expected \(4,\)"),
         ("plugins:forgets", r"plugins:forgets in run 0 returned None, expected means \(12, 4\)"),
         ("plugins:leaves", r"plugins:leaves raised SystemExit in run 0, step 1: 3 \(plugins.py, line \d+\)"),
+        ("plugins:complex_means", "has complex means: give its real part"),
         ("plugins:transposed", r"plugins:transposed in run 0 returned means of shape \(4, 12\), expected \(12, 4\)"),
         ({"use": "plugins:Batch"}, "plugins:Batch changes its argument x0"),
         ({"use": "plugins:Batch", "fault": "array"}, "returned a ndarray, not an rkfbench.filters.Estimate"),
