@@ -146,7 +146,8 @@ def show(terminal: Terminal, outcomes: Sequence[Any]) -> None:
 
 def _summary(name: str, outcome: Any) -> str:
     if outcome.failures:
-        return f"{name}: {len(outcome.failures)} failures, told above; results of all that worked are in {outcome.folder}"
+        failed = f"{len(outcome.failures)} failures, told above"
+        return f"{name}: {failed}; results of all that worked are in {outcome.folder}"
     if not outcome.computed:
         return f"{name}: nothing to compute, {outcome.folder} is up to date"
     reused = f", {outcome.reused} used again" if outcome.reused else ""

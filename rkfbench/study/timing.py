@@ -46,10 +46,11 @@ def measure(spec: Mapping[str, Any], seed: int, labels: Sequence[str], *, full: 
     for repeat in range(-2, REPEATS):
         for metric in FORMS if full else FORMS[:1]:
             for label in labels:
-                steps = steps_of.get((metric, label), min(T, LEAST))
+                fixed = at_one_point(experiment, label)
+                steps = steps_of.get((metric, label), T if fixed else min(T, LEAST))
                 step = seconds(experiment, world, label, runs_of[metric], steps) / steps
                 if repeat < 0:
-                    whole = settles(experiment, label) or (full and metric == "time_ms")
+                    whole = fixed or settles(experiment, label) or (full and metric == "time_ms")
                     steps_of[metric, label] = T if whole else min(T, max(LEAST, int(SECONDS / step)))
                 else:
                     yield Time(label, metric, step * scale_of[metric])
@@ -61,6 +62,12 @@ def settles(experiment: Experiment, label: str) -> bool:
     return bool(getattr(getattr(filt, "filter", filt), "settles", False))
 
 
+def at_one_point(experiment: Experiment, label: str) -> bool:
+    """Whether a filter estimates one step that cannot be moved, as it stands inside another one."""
+    filt: Any = experiment.filters[label][0]
+    return getattr(filt, "target", None) is not None and not hasattr(filt, "at")
+
+
 def seconds(experiment: Experiment, world: World, label: str, runs: slice, steps: int) -> float:
     """The time that a filter takes for some of the runs and the first steps; a smoother makes the estimates of the
     filter that it runs, too.
@@ -68,7 +75,7 @@ def seconds(experiment: Experiment, world: World, label: str, runs: slice, steps
     filt: Any
     filt, told = experiment.filters[label]
     keep = ("passed",) if hasattr(filt, "passes") else ()
-    if getattr(filt, "target", None) is not None:  # a smoother of one point: the same share of the steps around it
+    if getattr(filt, "at", None) is not None:  # a smoother of one point: the same share of the steps around it
         share = steps / experiment.steps
         at = max(1, round(filt.at * share))
         filt = replace(filt, at=at, lag=max(0, round((filt.at + filt.lag) * share) - at))

@@ -79,3 +79,10 @@ def test_a_reference_that_needs_the_record_is_timed_too(monkeypatch):
 def test_the_times_that_a_table_shows_are_wanted_also_within_arithmetic(small, metric, labels):
     small.write_text(small.read_text() + f"tables: [{{id: t, metric: {metric}}}]\n")
     assert clock.wanted(load(small), ()) == dict.fromkeys(("rate=0", "rate=0.4"), labels)
+
+
+def test_a_smoother_inside_another_filter_is_timed_over_all_steps(monkeypatch):
+    monkeypatch.setattr(timing, "REPEATS", 1)
+    inside = {"label": "inside", "quantised": {"filter": "ks", "step": 0.1}}
+    spec = {**SPEC, "point": {"at": 300, "lag": 100}, "filters": [inside]}
+    assert [each.filter for each in timing.measure(spec, 1, ["inside"])] == ["inside"]
