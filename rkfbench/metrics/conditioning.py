@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rkfbench.filters.base import Estimate
 from rkfbench.linalg import Array, batched, cond
-from rkfbench.metrics.base import RECORD, Each, Trial, outliers, over_time
+from rkfbench.metrics.base import RECORD, Better, Each, Trial, outliers, over_time
 
 Which = Literal["all", "outlier", "clean", "worse"]
 ROUNDING = 1e-9  # relative margin of `worse`: the rounding of cond(S) is about 1e-16 cond(S), and a few units here
@@ -25,6 +25,7 @@ class ConditionS(Each):
     """Condition number of S in the 2-norm: largest over smallest eigenvalue of (42)-(44)."""
 
     keep: ClassVar[frozenset[str]] = frozenset({"S"})
+    better: ClassVar[Better | None] = "small"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         return condition_of(trial.estimate)

@@ -44,13 +44,14 @@ A metric is a function of trial and states (indices): the quantity at each step 
 over the steps. Of a trial there are estimate.mean (T, n, M), estimate.cov (T, n, n, M or 1), estimate.failed (M,) and
 estimate.extras, the histories that the function's `keep` names (prior_mean, prior_cov, nu, S, ...); truth() (T, n, M);
 world.y (T, m, M); experiment.model and experiment.told with P0, Q and R. One with `needs = {"truth"}` is refused where
-there is no truth. A function of no trial makes the parts of a metric as those of the catalogue do.
+there is no truth; `better = "small"` or "large" is what `rkfbench tune` looks for. A function of no trial makes the
+parts of a metric as those of the catalogue do.
 
     def worst(trial, states):
         '''Largest absolute error of the states asked for.'''
         return np.abs(trial.estimate.mean[:, states] - trial.truth()[:, states]).max(1)
 
-    worst.needs = {"truth"}
+    worst.needs, worst.better = {"truth"}, "small"
 
 A robust weight is a function of nu, e, R, Szz, or a class that makes one: the inflated R' (m, m, M), or a Weighted.
 """
@@ -69,7 +70,7 @@ from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate
 from rkfbench.filters.weights import Weighted
 from rkfbench.linalg import Array, mul
-from rkfbench.metrics.base import Metric, Trial
+from rkfbench.metrics.base import Better, Metric, Trial
 from rkfbench.noise import Law, Sample
 from rkfbench.own.draws import Draws
 from rkfbench.own.faults import PluginFault, said
@@ -260,6 +261,7 @@ def metric(name: str, target: Any, signature: Collection[str]) -> Adapted:
     if "trial" in signature:
         if "states" not in signature:
             raise SpecError(f"{name} lacks the parameter `states`, the indices of the states that are asked for")
+        _expect_direction(name, target)
         keep = frozenset(getattr(target, "keep", ()))
 
         def make(params: Mapping[str, Any]) -> dict[str, Any]:
@@ -274,6 +276,7 @@ def metric(name: str, target: Any, signature: Collection[str]) -> Adapted:
         lacking = [each for each in QUANTITY if not hasattr(made["quantity"], each)]
         if lacking or not callable(made["quantity"]):
             raise SpecError(f"the quantity of {name} lacks {', '.join(lacking) or '__call__'}")
+        _expect_direction(name, made["quantity"])
         try:
             Metric(name, **made)
         except TypeError as error:
@@ -281,6 +284,12 @@ def metric(name: str, target: Any, signature: Collection[str]) -> Adapted:
         return made
 
     return parts, ()
+
+
+def _expect_direction(name: str, holder: Any) -> None:
+    """SpecError where an own metric calls something else better than small or large numbers."""
+    if (better := getattr(holder, "better", None)) not in (None, "small", "large"):
+        raise SpecError(f"`better` of {name} is {better!r}, expected 'small' or 'large'")
 
 
 @dataclass(frozen=True)
@@ -293,6 +302,12 @@ class OwnQuantity:
     keep: frozenset[str]
     own: ClassVar[bool] = True
     partners: ClassVar[Mapping[str, frozenset[str]]] = MappingProxyType({})
+
+    @property
+    def better(self) -> Better | None:
+        """What the function says of it."""
+        found: Better | None = getattr(self.function, "better", None)
+        return found
 
     def steps(self, T: int) -> NDArray[np.intp]:
         """Every step."""
