@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rkfbench import derived
+from rkfbench import derived, own
 from rkfbench.aside import Aside
 from rkfbench.claims.estimand import Estimand, Selected
 from rkfbench.compare import compare
@@ -148,7 +148,11 @@ def shard_of_experiment(
 
 
 def _measured(scenario: Scenario, full: bool) -> tuple[Scenario, list[Form], set[tuning.Choice]]:
-    """The scenario with the sensitivity cells that are run, the forms of its claims, and what is chosen by tuning."""
+    """The scenario with the sensitivity cells that are run, the forms of its claims, and what is chosen by tuning.
+
+    From now on its plug-ins are looked for: claims and keys ask for its metrics.
+    """
+    own.beside(scenario.plugins)
     claims = dockets(scenario)  # a claim that cannot be measured is an error before anything is run
     scenario = replace(scenario, sensitivity=tuple(_sensitive(scenario, claims)))
     forms = [cell.form for docket in claims for cell in docket.cells if cell.form.scenario == scenario.name]

@@ -14,6 +14,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+from rkfbench import own
 from rkfbench import scenario as scenarios
 from rkfbench.pool import Pool
 from rkfbench.report import entries, figures, forest, style, tables
@@ -102,6 +103,7 @@ class Outcome:
 
     def tables(self) -> Iterator[tuple[Table, list[entries.Entry], list[tables.Sheet]]]:
         """Every declared table that has numbers, with its entries and sheets."""
+        own.beside(self.scenario.plugins)  # its words ask for metrics; another scenario may have been in hand
         for table in self.scenario.tables:
             path = self.results.folder / "tables" / f"{table.id}.csv"
             kept = self.rendered or (entries.needs_runs(table) and not self.results.has_runs)
@@ -115,6 +117,7 @@ class Outcome:
 
     def pictures(self) -> Iterator[Picture]:
         """Every declared figure under each of its readings for which there are numbers."""
+        own.beside(self.scenario.plugins)
         names = self.material.names
         labels = distinct([*self.material.filters, *names.values(), *(key[2] for key in self.material.summary)])
         looks = style.looks(labels, names)
