@@ -79,14 +79,19 @@ class LogLikelihood(Nis):
 
 @dataclass(frozen=True)
 class Whiteness(Nis):
-    """sum_k e_k' e_{k-l} / sum_k e_k' e_k: autocorrelation of the standardised innovations, one number a run."""
+    """sum_k e_k' e_{k-l} / sum_k e_k' e_k: autocorrelation of the standardised innovations, one number a run; NaN where
+    no component is measured at two steps that far apart.
+    """
 
     lag: int = 1
     of_run: ClassVar[bool] = True
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         e, _, _ = standardised(trial)
-        return np.asarray(((e[self.lag :] * e[: -self.lag]).sum((0, 1)) / (e * e).sum((0, 1)))[None])
+        there = ~np.isnan(trial.estimate.extras["nu"])
+        pairs = (there[self.lag :] & there[: -self.lag]).any((0, 1))
+        correlation = (e[self.lag :] * e[: -self.lag]).sum((0, 1)) / (e * e).sum((0, 1))
+        return np.where(pairs, correlation, np.nan)[None]
 
 
 @dataclass(frozen=True)
