@@ -29,7 +29,8 @@ step by step.
 A noise law is a class or function with a parameter `dim`, making an object with cov (dim, dim) and sample(draw, steps),
 the noise (steps, dim, draw.runs) or a Sample. All chance comes from draw.normal, draw.uniform and draw.exponential
 (purpose, *shape), which give (*shape, draw.runs). The purpose is any word; each word is drawn once, as it always gives
-the same numbers. draw.within("part") has words of its own.
+the same numbers. draw.within("part") has words of its own. Particle filters ask for logpdf(e), the log density at e
+(dim, ...), and where components are missing for marginal(rows), the law of those that are there.
 
     class Uniform:
         '''Uniform on [-half, half], component by component.'''
@@ -171,6 +172,7 @@ class OwnLaw:
     law: Any
     dim: int
     cov: Array = field(init=False)
+    _marginals: dict[tuple[int, ...], OwnLaw] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         for attribute in ("cov", "sample"):
@@ -208,6 +210,18 @@ class OwnLaw:
         if not hasattr(self.law, "logpdf"):
             raise PluginFault(f"{self.name} has no `logpdf`, which this filter needs")
         return np.asarray(self.law.logpdf(e))
+
+    def marginal(self, rows: Array) -> OwnLaw:
+        """The law of some components."""
+        key = tuple(rows.tolist())
+        if key not in self._marginals:
+            if not hasattr(self.law, "marginal"):
+                raise PluginFault(
+                    f"{self.name} has no `marginal(rows)`, the law of some components, which this filter needs where "
+                    "others are missing"
+                )
+            self._marginals[key] = OwnLaw(f"the marginal of {self.name}", self.law.marginal(rows), len(rows))
+        return self._marginals[key]
 
     def _no_record(self) -> Array:
         raise PluginFault(f"{self.name} returns no Sample with the record of its draws, which this filter needs")
