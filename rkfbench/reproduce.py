@@ -187,22 +187,30 @@ def compared_with_reference(folder: Path, name: str) -> str:
 
 
 def publish(folder: Path, reference: Path) -> Path:
-    """Copy a results folder into the form that is committed: without numbers per run and blocks. Returns the copy."""
-    copy = reference.with_name(f".{reference.name}.copy")
+    """Copy a results folder into the form that is committed: without numbers per run and blocks. Returns the copy.
+
+    The reference that was there goes away last: whatever ends this early, it or the new one is whole, if under the name
+    `.NAME.old`, from which the next call takes it back.
+    """
+    copy, old = (reference.with_name(f".{reference.name}.{what}") for what in ("copy", "old"))
     with files.writing(reference):
-        shutil.rmtree(copy, ignore_errors=True)
+        if old.exists() and not reference.exists():
+            old.rename(reference)
+        for left in (copy, old):
+            shutil.rmtree(left, ignore_errors=True)
         shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("runs.csv", manifest.BLOCKS, manifest.TUNING, ".*"))
         manifest.seal(copy)
         if reference.exists():
-            shutil.rmtree(reference)
+            reference.rename(old)
         copy.rename(reference)
+        shutil.rmtree(old, ignore_errors=True)
     return reference
 
 
 def folders_with_claims() -> list[Path]:
     """The folders below results/ that hold verdicts, or those of the reference when there are none."""
     for place in (RESULTS, REFERENCE):
-        found = [path.parent for path in sorted(place.glob("*/claims.csv")) if "~" not in path.parent.name]
+        found = [path.parent for path in sorted(place.glob("[!.]*/claims.csv")) if "~" not in path.parent.name]
         if found:
             return found
     raise UsageError("there are no results yet: rkfbench reproduce makes them")
