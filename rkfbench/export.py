@@ -53,15 +53,21 @@ class Data:
 
 
 def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequence[str] = ()) -> list[Path]:
-    """Write the data of some cells of a scenario, and the estimates of its filters `labels`; the files written."""
+    """Write the data of some cells of a scenario, and the estimates of its filters `labels`; the files written.
+
+    UsageError, before anything is written, for a smoother of one point, whose estimates are not along the run.
+    """
+    experiments = [Experiment.of(cell.spec) for cell in cells]
+    for label in labels:
+        if any(getattr(each.filters[label][0], "target", None) is not None for each in experiments):
+            raise UsageError(f"'{label}' estimates one step only: export the filter inside it")
     written: list[Path] = []
     described = []
     pages: dict[str, list[tuple[Cell, Array, Array | None]]] = {label: [] for label in labels}
     stems = _apart([cell.case or "data" for cell in cells])
     readings = _apart([cell.reading for cell in cells])
     files_of = _apart(labels)
-    for cell in cells:
-        experiment = Experiment.of(cell.spec)
+    for cell, experiment in zip(cells, experiments, strict=True):
         data = simulated(experiment, scenario.seed, scenario.runs, labels)
         stem = stems[cell.case or "data"]
         if cell.reading != scenario.cells[0].reading:
@@ -71,7 +77,7 @@ def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequ
         written += (folder / name for name in names.values())
         for label, (mean, cov) in data.estimates.items():
             pages[label].append((cell, mean, cov))
-    states = Experiment.of(cells[0].spec).model.states
+    states = experiments[0].model.states
     for label, parts in pages.items():
         path = folder / f"estimates.{files_of[label]}.csv"
         with_cov = all(cov is not None for _, _, cov in parts)

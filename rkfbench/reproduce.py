@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rkfbench import derived
+from rkfbench import derived, own
 from rkfbench.aside import Aside
 from rkfbench.claims.estimand import Estimand, Selected
 from rkfbench.compare import compare
@@ -147,7 +147,11 @@ def shard_of_experiment(
 
 
 def _measured(scenario: Scenario, full: bool) -> tuple[Scenario, list[Form], set[tuning.Choice]]:
-    """The scenario with the sensitivity cells that are run, the forms of its claims, and what is chosen by tuning."""
+    """The scenario with the sensitivity cells that are run, the forms of its claims, and what is chosen by tuning.
+
+    From now on its plug-ins are looked for: claims and keys ask for its metrics.
+    """
+    own.beside(scenario.plugins)
     claims = dockets(scenario)  # a claim that cannot be measured is an error before anything is run
     scenario = replace(scenario, sensitivity=tuple(_sensitive(scenario, claims)))
     forms = [cell.form for docket in claims for cell in docket.cells if cell.form.scenario == scenario.name]
@@ -182,22 +186,30 @@ def compared_with_reference(folder: Path, name: str) -> str:
 
 
 def publish(folder: Path, reference: Path) -> Path:
-    """Copy a results folder into the form that is committed: without numbers per run and blocks. Returns the copy."""
-    copy = reference.with_name(f".{reference.name}.copy")
+    """Copy a results folder into the form that is committed: without numbers per run and blocks. Returns the copy.
+
+    The reference that was there goes away last: whatever ends this early, it or the new one is whole, if under the name
+    `.NAME.old`, from which the next call takes it back.
+    """
+    copy, old = (reference.with_name(f".{reference.name}.{what}") for what in ("copy", "old"))
     with files.writing(reference):
-        shutil.rmtree(copy, ignore_errors=True)
+        if old.exists() and not reference.exists():
+            old.rename(reference)
+        for left in (copy, old):
+            shutil.rmtree(left, ignore_errors=True)
         shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("runs.csv", manifest.BLOCKS, manifest.TUNING, ".*"))
         manifest.seal(copy)
         if reference.exists():
-            shutil.rmtree(reference)
+            reference.rename(old)
         copy.rename(reference)
+        shutil.rmtree(old, ignore_errors=True)
     return reference
 
 
 def folders_with_claims() -> list[Path]:
     """The folders below results/ that hold verdicts, or those of the reference when there are none."""
     for place in (RESULTS, REFERENCE):
-        found = [path.parent for path in sorted(place.glob("*/claims.csv")) if "~" not in path.parent.name]
+        found = [path.parent for path in sorted(place.glob("[!.]*/claims.csv")) if "~" not in path.parent.name]
         if found:
             return found
     raise UsageError("there are no results yet: rkfbench reproduce makes them")

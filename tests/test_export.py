@@ -97,6 +97,16 @@ def test_a_nonlinear_model_is_exported_without_constant_matrices(tmp_path: Path)
     assert "F" not in case and case["model"]["angles"] == ["bearing"] and len(case["x0"]) == 2
 
 
+def test_a_smoother_of_one_point_has_no_estimates_along_the_run(small: Path) -> None:
+    smoothing = SMALL.replace("sweep:", "point: {at: 5, lag: 3}\nsweep:").replace("filters: [kf,", "filters: [kf, ks,")
+    small.write_text(smoothing.replace("[err_norm, pooled_rmse, err_norm@k]", '[err_norm, "mse@j"]'))
+    result = rkfbench("export", small, "--filter", "kf", "--filter", "ks", "--out", "ex")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "'ks' estimates one step only: export the filter inside it" in result.stderr
+    assert not Path("ex").exists()
+    ok("export", small, "--filter", "kf", "--out", "ex")
+
+
 def test_scoring_our_own_estimates_gives_the_table_of_the_filter(shown: Path) -> None:
     ok("export", shown, "--filter", "kf", "--out", "ex", "-q")
     assert ok("score", shown, "ex/estimates.kf.csv", "--label", "mine") == "results/small~score\n"

@@ -30,7 +30,8 @@ def tune(
         typer.Option("--over", metavar="PARAMETER=A:B", help="Range to search: first:last[:count], or a,b,c."),
     ],
     metric: Annotated[
-        str | None, typer.Option("--metric", help="What is made small (default: the scenario's score, else rmse).")
+        str | None,
+        typer.Option("--metric", help="What is made small, or large (log_likelihood); default: the score, else rmse."),
     ] = None,
     points: Annotated[int | None, typer.Option("--points", min=2, help="Points of the grid along a range.")] = None,
     grid: Annotated[bool, typer.Option("--grid", help="The grid alone, without the optimiser after it.")] = False,
@@ -45,6 +46,9 @@ def tune(
     ] = None,
 ) -> None:
     """Find the best parameters of a filter, case by case, on tuning runs; report them on the test runs.
+
+    The best have the smallest mean of the metric, or the largest where larger is better (log_likelihood). One of which
+    neither is better, such as nees or sd, is refused.
 
     The tuning runs have a seed of their own, so the choice does not profit from the runs that judge it.
     """

@@ -52,10 +52,11 @@ def experiments(
                 raise
             except Exception as error:  # of a filter that somebody wrote; the study will tell which
                 terminal.note(f"{scenario.name}: no computing times: {told(error)}")
-    with Aside(ASIDE if pool.workers > 1 and _apart(studies) else 0) as aside:
+    apart = _apart(studies)
+    with Aside(ASIDE if pool.workers > 1 and apart else 0) as aside:
         how = engine(jobs, pool, scheduler)
         for i, (scenario, folder) in enumerate(studies):
-            if i + 1 < len(studies) and not any(goals):
+            if i + 1 < len(studies) and apart and not any(goals):
                 pool.foresee(partial(jobs_ahead, *studies[i + 1], pool, full=full, fresh=fresh))
 
             def done(outcome: Any, i: int = i, scenario: Any = scenario, folder: Path = folder) -> None:
@@ -91,7 +92,9 @@ def unmeasured(terminal: Terminal, scenario: Any) -> None:
 
 
 def _apart(studies: Studies) -> bool:
-    """Whether one study can be finished while another runs: their plug-ins are looked for in one folder at a time."""
+    """Whether one study can be finished, or begun, while another runs: their plug-ins are looked for in one folder at a
+    time.
+    """
     cells = (cell for scenario, _ in studies for cell in (*scenario.cells, *scenario.sensitivity))
     return len(studies) == 1 or not any("plugins" in cell.spec for cell in cells)
 
@@ -126,8 +129,10 @@ def goal(terminal: Terminal, scenario: Any, precision: list[str], max_runs: int 
     """What `--precision` asks of a scenario, if anything; said, as the metric may be the scenario's."""
     if not precision:
         return None
+    from rkfbench import own
     from rkfbench.study.precision import Goal
 
+    own.beside(scenario.plugins)
     found = Goal.of(precision, max_runs, scenario)
     terminal.note(f"{scenario.name}: precision {found} in every case, with at most {found.most} runs")
     return found

@@ -31,6 +31,7 @@ RECORD = frozenset({"record"})
 
 TOGETHER = 8192  # columns: their matrices stay in the cache
 
+Better = Literal["small", "large"]
 Reduce = Literal["mean", "max", "root", "median", "last", "mean_where", "root_where", "max_where"]
 
 
@@ -110,11 +111,14 @@ class Each:
     """The base of quantities that exist at every step and look at no other filter.
 
     Those that are `of_run` choose steps of each run by themselves, or have one number for all: no curve, no `@500`.
+    `better` says which of two filters such a number speaks for; None where it does not, as for `nees`, which has a
+    value that it should have, or a covariance, which is only what the filter claims.
     """
 
     keep: ClassVar[frozenset[str]] = frozenset()
     partners: ClassVar[Mapping[str, frozenset[str]]] = MappingProxyType({})
     of_run: ClassVar[bool] = False
+    better: ClassVar[Better | None] = None
 
     def steps(self, T: int) -> NDArray[np.intp]:
         return np.arange(1, T + 1)
@@ -137,6 +141,12 @@ class Metric:
         None  # about x_j of the scenario's point: last estimate, curve over the lag, or one lag
     )
     needs: frozenset[str] = frozenset()  # what it must know beyond measurements and estimates: truth, record
+
+    @property
+    def better(self) -> Better | None:
+        """Whether a small or a large mean is the better one; None where neither is, or an own metric does not say."""
+        found: Better | None = getattr(self.quantity, "better", None)
+        return found
 
     def ks(self, T: int) -> NDArray[np.intp]:
         """The steps that enter; of a curve over the lag all lags that there may be, from 0."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rkfbench.errors import SpecError
 from rkfbench.linalg import Array, dot, solve
-from rkfbench.metrics.base import Each, Trial, over_time
+from rkfbench.metrics.base import Better, Each, Trial, over_time
 from rkfbench.metrics.consistency import StatedSquare
 
 
@@ -37,6 +37,8 @@ class Error(Each):
 class Fluctuation(Each):
     """|e_k - e_{k-1}|^2 of the errors e of the states, k = 2..T."""
 
+    better: ClassVar[Better | None] = "small"
+
     def steps(self, T: int) -> NDArray[np.intp]:
         return np.arange(2, T + 1)
 
@@ -54,6 +56,7 @@ class Settling(Each):
     """
 
     limit: float = 5.0
+    better: ClassVar[Better | None] = "small"
 
     def steps(self, T: int) -> NDArray[np.intp]:
         return np.array([T])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rkfbench.filters.base import Estimate
 from rkfbench.filters.weights import Huber, recolour
 from rkfbench.linalg import Array, batched, cond, whitening
-from rkfbench.metrics.base import RECORD, Each, Trial, outliers, over_time
+from rkfbench.metrics.base import RECORD, Better, Each, Trial, outliers, over_time
 
 Which = Literal["all", "outlier", "clean", "worse", "single"]
 EXTREME = 10  # times the threshold of Huber's function, at which a residual is extreme
@@ -27,6 +27,7 @@ class ConditionS(Each):
     """Condition number of S in the 2-norm: largest over smallest eigenvalue of (42)-(44)."""
 
     keep: ClassVar[frozenset[str]] = frozenset({"S"})
+    better: ClassVar[Better | None] = "small"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         return condition_of(trial.estimate)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rkfbench.errors import SpecError
 from rkfbench.linalg import Array, eigvalsh, positive_definite
-from rkfbench.metrics.base import Each, Trial, over_time
+from rkfbench.metrics.base import Better, Each, Trial, over_time
 from rkfbench.metrics.errors import SquaredError
 from rkfbench.models import wrap
 
@@ -52,6 +52,7 @@ class PolarError(Each):
     """Squared error along or across the line of sight."""
 
     along: Direction = "radial"
+    better: ClassVar[Better | None] = "small"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         i, j = states[:2]
@@ -138,6 +139,7 @@ class Indefinite(Each):
     """1 after an update whose P is not positive definite, else 0."""
 
     keep: ClassVar[frozenset[str]] = frozenset({"cov"})
+    better: ClassVar[Better | None] = "small"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         assert trial.estimate.cov is not None

@@ -9,12 +9,14 @@ from typing import ClassVar
 import numpy as np
 
 from rkfbench.linalg import Array
-from rkfbench.metrics.base import RECORD, Each, Trial, outliers
+from rkfbench.metrics.base import RECORD, Better, Each, Trial, outliers
 
 
 @dataclass(frozen=True)
 class SquaredError(Each):
     """Sum of the squared errors of the states: sum_i (xhat_i - x_i)^2."""
+
+    better: ClassVar[Better | None] = "small"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         total = np.zeros(())

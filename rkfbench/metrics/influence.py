@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import erf, gamma, sqrt
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear
 from rkfbench.filters.weights import Huber, LeastAbsolute, Plain, Weight
 from rkfbench.linalg import Array, content, mul
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import Better, Each, Trial
 from rkfbench.models import Model
 
 TOGETHER = 100  # lags d that are summed up at once: they stay in the cache
@@ -63,6 +63,8 @@ class InfluenceFunction(Each):
 @dataclass(frozen=True)
 class InfluenceNorm(InfluenceFunction):
     """Euclidean norm of the influence function, (81) over all n states, at k = 10, 20, ..., T."""
+
+    better: ClassVar[Better | None] = "small"
 
     def applies(self, filt: object) -> bool:
         """Only KF, HKF and ALADKF have an influence function here."""

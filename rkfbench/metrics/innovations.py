@@ -17,7 +17,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 
 from rkfbench.linalg import Array, cholesky, solve_lower
-from rkfbench.metrics.base import Each, Trial, over_time
+from rkfbench.metrics.base import Better, Each, Trial, over_time
 from rkfbench.metrics.histories import Shown
 
 Parts = dict[str, Any]
@@ -69,6 +69,8 @@ class NisBeyond(Nis):
 class LogLikelihood(Nis):
     """log N(nu; 0, S) of the components measured."""
 
+    better: ClassVar[Better | None] = "large"
+
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         e, log_det, measured = standardised(trial)
         density = -0.5 * ((e * e).sum(1) + log_det + measured * np.log(2 * np.pi))
@@ -77,14 +79,19 @@ class LogLikelihood(Nis):
 
 @dataclass(frozen=True)
 class Whiteness(Nis):
-    """sum_k e_k' e_{k-l} / sum_k e_k' e_k: autocorrelation of the standardised innovations, one number a run."""
+    """sum_k e_k' e_{k-l} / sum_k e_k' e_k: autocorrelation of the standardised innovations, one number a run; NaN where
+    no component is measured at two steps that far apart.
+    """
 
     lag: int = 1
     of_run: ClassVar[bool] = True
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         e, _, _ = standardised(trial)
-        return np.asarray(((e[self.lag :] * e[: -self.lag]).sum((0, 1)) / (e * e).sum((0, 1)))[None])
+        there = ~np.isnan(trial.estimate.extras["nu"])
+        pairs = (there[self.lag :] & there[: -self.lag]).any((0, 1))
+        correlation = (e[self.lag :] * e[: -self.lag]).sum((0, 1)) / (e * e).sum((0, 1))
+        return np.where(pairs, correlation, np.nan)[None]
 
 
 @dataclass(frozen=True)
@@ -92,6 +99,7 @@ class SquaredInnovation(Shown):
     """nu^2 of a component, or the sum over those measured; NaN where there is none."""
 
     name: str = "nu"
+    better: ClassVar[Better | None] = "small"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         nu = self.values(trial)

@@ -18,7 +18,7 @@ from rkfbench.filters.gaussian import GaussianFilter
 from rkfbench.filters.moments import Linear
 from rkfbench.filters.weights import LeastAbsolute
 from rkfbench.linalg import Array, solve
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import Better, Each, Trial
 from rkfbench.metrics.influence import inputs, reaches_back, window
 from rkfbench.models import Model
 
@@ -31,6 +31,7 @@ class _Objective(Each):
 
     keep: ClassVar[frozenset[str]] = frozenset({"lambda"})
     at: tuple[int, ...] = (50,)
+    better: ClassVar[Better | None] = "small"
 
     def steps(self, T: int) -> NDArray[np.intp]:
         return np.array([k for k in self.at if k < T], dtype=np.intp)

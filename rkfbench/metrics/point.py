@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 
 from rkfbench.linalg import Array
-from rkfbench.metrics.base import Each, Trial
+from rkfbench.metrics.base import Better, Each, Trial
 from rkfbench.metrics.errors import SquaredError
 
 Base = Annotated[Literal["prior", "post"], "the covariance before or after y_j"]
@@ -27,6 +27,7 @@ class PriorSquaredError(Each):
     """Sum of the squared errors of the states before the update."""
 
     keep: ClassVar[frozenset[str]] = frozenset({"prior_mean"})
+    better: ClassVar[Better | None] = "small"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         prior, truth = trial.estimate.extras["prior_mean"], trial.truth()
@@ -74,6 +75,7 @@ class Distinct(Each):
     """Number of distinct copies of x_j that a particle smoother has left."""
 
     keep: ClassVar[frozenset[str]] = frozenset({"distinct"})
+    better: ClassVar[Better | None] = "large"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         return trial.estimate.extras["distinct"][:, 0]

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from rkfbench.linalg import Array
-from rkfbench.metrics.base import Each, Trial, outliers
+from rkfbench.metrics.base import Better, Each, Trial, outliers
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class LambdaAuc(Lambda):
     """
 
     of_run: ClassVar[bool] = True
+    better: ClassVar[Better | None] = "large"
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
         flags = outliers(trial)

@@ -1,11 +1,13 @@
-"""The `draw` of an own noise law: the streams of a study, and a clear word where they are called wrongly."""
+"""The `draw` of an own noise law: the streams of a study, and a clear word where they are called wrongly.
+
+It has what a law needs and no more: a generator of its own would give the same numbers again at every step of a
+particle filter, whose draws go on from step to step.
+"""
 
 from __future__ import annotations
 
 from numbers import Integral
 from typing import Any
-
-import numpy as np
 
 from rkfbench.errors import SpecError
 from rkfbench.linalg import Array
@@ -21,8 +23,15 @@ class Draws:
         self._streams, self._name = streams, name
         self._used: set[str] = set() if used is None else used
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.__dict__["_streams"], name)
+    @property
+    def runs(self) -> int:
+        """How many values side by side each draw gives."""
+        return self._streams.runs
+
+    @property
+    def scope(self) -> str:
+        """What stands before each purpose."""
+        return self._streams.scope
 
     def within(self, scope: str) -> Draws:
         """The same with the purposes of one part of the law."""
@@ -40,10 +49,6 @@ class Draws:
         """Independent Exp with mean 1, (*shape, runs)."""
         return self._checked("exponential", purpose, shape).exponential(purpose, *shape)
 
-    def generators(self, purpose: str) -> list[np.random.Generator]:
-        """One generator a group of runs."""
-        return self._checked("generators", purpose, ()).generators(purpose)
-
     def _checked(self, method: str, purpose: Any, shape: tuple[Any, ...]) -> Streams:
         if not isinstance(purpose, str) or not all(isinstance(each, Integral) for each in shape):
             given = ", ".join(map(repr, (purpose, *shape)))
@@ -51,7 +56,7 @@ class Draws:
                 f"sample of {self._name} calls draw.{method}({given}): first comes a purpose, any word, then the shape "
                 f"without the runs, number by number: draw.{method}('value', steps, dim)"
             )
-        word = f"{self._streams.scope}{purpose}"
+        word = f"{self.scope}{purpose}"
         if word in self._used:
             raise SpecError(
                 f"sample of {self._name} draws the purpose '{purpose}' twice, which gives the same random numbers: "

@@ -29,7 +29,8 @@ step by step.
 A noise law is a class or function with a parameter `dim`, making an object with cov (dim, dim) and sample(draw, steps),
 the noise (steps, dim, draw.runs) or a Sample. All chance comes from draw.normal, draw.uniform and draw.exponential
 (purpose, *shape), which give (*shape, draw.runs). The purpose is any word; each word is drawn once, as it always gives
-the same numbers. draw.within("part") has words of its own.
+the same numbers. draw.within("part") has words of its own. Particle filters ask for logpdf(e), the log density at e
+(dim, ...), and where components are missing for marginal(rows), the law of those that are there.
 
     class Uniform:
         '''Uniform on [-half, half], component by component.'''
@@ -44,13 +45,14 @@ A metric is a function of trial and states (indices): the quantity at each step 
 over the steps. Of a trial there are estimate.mean (T, n, M), estimate.cov (T, n, n, M or 1), estimate.failed (M,) and
 estimate.extras, the histories that the function's `keep` names (prior_mean, prior_cov, nu, S, ...); truth() (T, n, M);
 world.y (T, m, M); experiment.model and experiment.told with P0, Q and R. One with `needs = {"truth"}` is refused where
-there is no truth. A function of no trial makes the parts of a metric as those of the catalogue do.
+there is no truth; `better = "small"` or "large" is what `rkfbench tune` looks for. A function of no trial makes the
+parts of a metric as those of the catalogue do.
 
     def worst(trial, states):
         '''Largest absolute error of the states asked for.'''
         return np.abs(trial.estimate.mean[:, states] - trial.truth()[:, states]).max(1)
 
-    worst.needs = {"truth"}
+    worst.needs, worst.better = {"truth"}, "small"
 
 A robust weight is a function of nu, e, R, Szz, or a class that makes one: the inflated R' (m, m, M), or a Weighted.
 """
@@ -69,7 +71,7 @@ from rkfbench.errors import SpecError
 from rkfbench.filters.base import Estimate
 from rkfbench.filters.weights import Weighted
 from rkfbench.linalg import Array, mul
-from rkfbench.metrics.base import Metric, Trial
+from rkfbench.metrics.base import Better, Metric, Trial
 from rkfbench.noise import Law, Sample
 from rkfbench.own.draws import Draws
 from rkfbench.own.faults import PluginFault, said
@@ -170,6 +172,7 @@ class OwnLaw:
     law: Any
     dim: int
     cov: Array = field(init=False)
+    _marginals: dict[tuple[int, ...], OwnLaw] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         for attribute in ("cov", "sample"):
@@ -207,6 +210,18 @@ class OwnLaw:
         if not hasattr(self.law, "logpdf"):
             raise PluginFault(f"{self.name} has no `logpdf`, which this filter needs")
         return np.asarray(self.law.logpdf(e))
+
+    def marginal(self, rows: Array) -> OwnLaw:
+        """The law of some components."""
+        key = tuple(rows.tolist())
+        if key not in self._marginals:
+            if not hasattr(self.law, "marginal"):
+                raise PluginFault(
+                    f"{self.name} has no `marginal(rows)`, the law of some components, which this filter needs where "
+                    "others are missing"
+                )
+            self._marginals[key] = OwnLaw(f"the marginal of {self.name}", self.law.marginal(rows), len(rows))
+        return self._marginals[key]
 
     def _no_record(self) -> Array:
         raise PluginFault(f"{self.name} returns no Sample with the record of its draws, which this filter needs")
@@ -260,6 +275,7 @@ def metric(name: str, target: Any, signature: Collection[str]) -> Adapted:
     if "trial" in signature:
         if "states" not in signature:
             raise SpecError(f"{name} lacks the parameter `states`, the indices of the states that are asked for")
+        _expect_direction(name, target)
         keep = frozenset(getattr(target, "keep", ()))
 
         def make(params: Mapping[str, Any]) -> dict[str, Any]:
@@ -274,6 +290,7 @@ def metric(name: str, target: Any, signature: Collection[str]) -> Adapted:
         lacking = [each for each in QUANTITY if not hasattr(made["quantity"], each)]
         if lacking or not callable(made["quantity"]):
             raise SpecError(f"the quantity of {name} lacks {', '.join(lacking) or '__call__'}")
+        _expect_direction(name, made["quantity"])
         try:
             Metric(name, **made)
         except TypeError as error:
@@ -281,6 +298,12 @@ def metric(name: str, target: Any, signature: Collection[str]) -> Adapted:
         return made
 
     return parts, ()
+
+
+def _expect_direction(name: str, holder: Any) -> None:
+    """SpecError where an own metric calls something else better than small or large numbers."""
+    if (better := getattr(holder, "better", None)) not in (None, "small", "large"):
+        raise SpecError(f"`better` of {name} is {better!r}, expected 'small' or 'large'")
 
 
 @dataclass(frozen=True)
@@ -293,6 +316,12 @@ class OwnQuantity:
     keep: frozenset[str]
     own: ClassVar[bool] = True
     partners: ClassVar[Mapping[str, frozenset[str]]] = MappingProxyType({})
+
+    @property
+    def better(self) -> Better | None:
+        """What the function says of it."""
+        found: Better | None = getattr(self.function, "better", None)
+        return found
 
     def steps(self, T: int) -> NDArray[np.intp]:
         """Every step."""

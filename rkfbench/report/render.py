@@ -8,14 +8,16 @@ is then drawn from the CSV that was written when they were there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+from rkfbench import own
 from rkfbench import scenario as scenarios
 from rkfbench.pool import Pool
+from rkfbench.references import is_reference
 from rkfbench.report import entries, figures, forest, style, tables
 from rkfbench.report.captions import caption
 from rkfbench.report.influence import influence_points
@@ -102,6 +104,7 @@ class Outcome:
 
     def tables(self) -> Iterator[tuple[Table, list[entries.Entry], list[tables.Sheet]]]:
         """Every declared table that has numbers, with its entries and sheets."""
+        own.beside(self.scenario.plugins)  # its words ask for metrics; another scenario may have been in hand
         for table in self.scenario.tables:
             path = self.results.folder / "tables" / f"{table.id}.csv"
             kept = self.rendered or (entries.needs_runs(table) and not self.results.has_runs)
@@ -115,14 +118,20 @@ class Outcome:
 
     def pictures(self) -> Iterator[Picture]:
         """Every declared figure under each of its readings for which there are numbers."""
+        own.beside(self.scenario.plugins)
         names = self.material.names
         labels = distinct([*self.material.filters, *names.values(), *(key[2] for key in self.material.summary)])
-        looks = style.looks(labels, names)
+        looks = style.looks(labels, names, self._references(names))
         for figure in self.scenario.figures:
             for reading in self.material.pick_readings(figure):
                 picture = self._picture(figure, reading, looks)
                 if picture.points or picture.lines:
                     yield picture
+
+    def _references(self, names: Mapping[str, str]) -> set[str]:
+        """The labels of the references, and the names that stand for them where their look is asked for."""
+        specs = {spec["label"]: spec for cell in self.scenario.cells for spec in cell.spec["filters"]}
+        return {each for each in (*specs, *names.values()) if is_reference(specs.get(each, each))}
 
     def _picture(self, figure: Figure, reading: str, looks: dict[str, style.Look]) -> Picture:
         if isinstance(figure, Forest):

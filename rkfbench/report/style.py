@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import io
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import cycle
@@ -86,14 +86,18 @@ COMPRESSION = 3  # of PNG files: 6, the usual one, takes twice as long and saves
 _alone = threading.RLock()
 
 
-def looks(labels: Sequence[str], names: Mapping[str, str] | None = None) -> dict[str, Look]:
-    """The look of every filter of a scenario: `labels` in its order, `names` from label to the filter's own name.
+def looks(
+    labels: Sequence[str], names: Mapping[str, str] | None = None, references: Collection[str] | None = None
+) -> dict[str, Look]:
+    """The look of every filter of a scenario: `labels` in its order, `names` from label to the filter's own name,
+    labels of `references` (None: as the names say).
 
     A known filter has its fixed look. The others take the spare ones in turn, first those in colours that no known
     filter here has, so that a scenario's figures agree.
     """
     families = {label: _family(label, (names or {}).get(label, label)) for label in labels}
-    references = [label for label in labels if any(map(is_reference, (label, families[label])))]
+    if references is None:
+        references = [label for label in labels if is_reference((names or {}).get(label, label))]
     others = [label for label in labels if label not in references]
     taken = {look.colour for each in others if (look := FILTERS.get(each) or FILTERS.get(families[each]))}
     spare = cycle(sorted(SPARE, key=lambda look: look.colour in taken))
@@ -111,7 +115,9 @@ def looks(labels: Sequence[str], names: Mapping[str, str] | None = None) -> dict
         else:
             siblings = [each for each in labels if families[each] == family and each not in of_family]
             result[label] = variant(of_family[family], siblings.index(label), len(siblings))
-    for label, dash in zip(references, (DASHED, DOTTED, DASHDOT, LONG), strict=False):
+    for label, dash in zip(
+        (each for each in labels if each in references), (DASHED, DOTTED, DASHDOT, LONG), strict=False
+    ):
         result[label] = replace(result[label], dash=dash)
     return result
 

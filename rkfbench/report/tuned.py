@@ -132,7 +132,8 @@ def _mean(score: Score) -> tuple[float, float]:
 def sentence(each: Tuned, axes: Sequence[Axis]) -> str:
     """The choice for one case, and what to watch."""
     chosen = ", ".join(f"{path} = {_short(value)}" for path, value in each.chosen.items())
-    text = f"{each.cell.case or 'the only case'}: {chosen} ({each.tried} settings tried)"
+    best = "largest" if each.test_chosen.better == "large" else "smallest"
+    text = f"{each.cell.case or 'the only case'}: {chosen} (the {best} mean of {each.tried} settings tried)"
     if ends := each.at_the_end(axes):
         text += f"; {', '.join(ends)} is at the end of its range: a wider --over may find a better one"
     return text

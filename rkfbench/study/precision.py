@@ -18,7 +18,6 @@ import numpy as np
 
 from rkfbench import metrics
 from rkfbench.errors import UsageError
-from rkfbench.filters import FILTERS
 from rkfbench.references import is_reference
 from rkfbench.store import blocks
 from rkfbench.store.blocks import Array
@@ -50,6 +49,8 @@ class Goal:
         measured = [each for each in scenario.cells[0].spec["metrics"] if not metrics.get(each).curve]
         if not measured:
             raise UsageError("--precision: the scenario measures only curves: give it a metric of a whole run")
+        if not any(_compared(spec) for cell in scenario.cells if not cell.extra for spec in cell.spec["filters"]):
+            raise UsageError("--precision: the scenario compares no filters, it has references and extras only")
         relative: dict[str, float] = {}
         for text in texts:
             name, _, number = text.rpartition("=")
@@ -174,19 +175,11 @@ def _series(units: Sequence[Unit], goal: Goal) -> Iterator[tuple[Array, float, A
 
 def _ranked(unit: Unit, label: str) -> bool:
     """Whether a filter is compared with others: neither an extra nor a reference."""
-    spec = next(each for each in unit.cell.spec["filters"] if each["label"] == label)
-    return not spec.get("extra") and not any(map(is_reference, (label, *_names(spec))))
+    return _compared(next(each for each in unit.cell.spec["filters"] if each["label"] == label))
 
 
-def _names(spec: Any) -> Iterator[str]:
-    """The filters that a description names, at any depth."""
-    if isinstance(spec, str):
-        yield from (spec,) if spec in FILTERS else ()
-    elif isinstance(spec, Mapping):
-        for key, value in spec.items():
-            if key != "label":
-                yield from _names(key)
-                yield from _names(value)
+def _compared(spec: Mapping[str, Any]) -> bool:
+    return not any(spec.get(key) for key in ("extra", "timing")) and not is_reference(spec)
 
 
 def _score(scenario: Scenario, measured: Sequence[str]) -> str:

@@ -1,17 +1,18 @@
 """The best setting of a filter, chosen on tuning runs and reported on the test runs, beside the setting it had.
 
-    chosen = argmin over settings of the mean of a metric over the tuning runs      (a seed of their own)
+    chosen = best mean of a metric over the tuning runs, of all settings            (a seed of their own)
     report: mean over the test runs (the study's own seed) of both settings, and of their paired difference
 
 All settings see the same tuning runs (common random numbers), so the mean is a smooth function of a parameter and an
 optimiser can follow it: a grid first, then in the gap around its best point Brent's bounded method for one parameter,
-the Nelder-Mead simplex within bounds for several. A setting with fewer failed runs is the better one, whatever its
-mean.
+the Nelder-Mead simplex within bounds for several. The best mean is the smallest, or the largest of a metric that says
+so (`log_likelihood`). A setting with fewer failed runs is the better one, whatever its mean.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -22,6 +23,8 @@ import numpy as np
 from rkfbench import metrics
 from rkfbench.errors import RkfbenchError, SpecError, UsageError
 from rkfbench.linalg import Array
+from rkfbench.metrics import consistency
+from rkfbench.metrics.base import Better
 from rkfbench.study.axes import Axis, Setting, changed, current
 from rkfbench.study.blocks import block_size
 from rkfbench.study.summary import summarise
@@ -43,6 +46,7 @@ class Score:
     values: Array
     failed: Array
     root: bool
+    better: Better = "small"
 
     @property
     def row(self) -> dict[str, Any]:
@@ -54,7 +58,9 @@ class Score:
     def rank(self) -> tuple[int, float]:
         """What is to be small."""
         mean = self.row["mean"]
-        return int(self.failed.sum()), math.inf if mean is None or math.isnan(mean) else mean
+        if mean is None or math.isnan(mean):
+            return int(self.failed.sum()), math.inf
+        return int(self.failed.sum()), -mean if self.better == "large" else mean
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,7 @@ class Bench:
     metric: str
     seed: int
     runs: int
+    better: Better = "small"
     scores: dict[str, Score] = field(default_factory=dict)
 
     def __call__(self, settings: Sequence[Setting]) -> list[Score]:
@@ -124,6 +131,7 @@ class Bench:
                 np.concatenate([result[label].values[self.metric] for result in results]),
                 np.concatenate([result[label].failed for result in results]),
                 root,
+                self.better,
             )
             for label in labels
         ]
@@ -141,6 +149,24 @@ def check(metric: str, cell: Cell, tuning: bool = True) -> None:
         raise UsageError("tune needs runs of their own to choose on, and recorded data has none: tune on a simulation")
 
 
+def better(metric: str, cell: Cell) -> Better:
+    """Whether a small or a large mean of the metric is what tuning looks for; UsageError where it is neither.
+
+    `score` is what the scenario means by it.
+    """
+    found = metrics.get(metric)
+    if isinstance(found.quantity, consistency.Score):
+        found = metrics.get(cell.spec.get("score") or "rmse")
+    if found.better is not None:
+        return found.better
+    if re.split(r"[(\[@]", found.name)[0] not in metrics.METRICS:
+        raise UsageError(f'--metric: \'{metric}\' does not say what is better: give it `better = "small"` or "large"')
+    raise UsageError(
+        f"--metric: neither a small nor a large '{metric}' makes a filter better: "
+        "tune on an error such as rmse, or on log_likelihood"
+    )
+
+
 def tune(
     cell: Cell, spec: Mapping[str, Any], axes: Sequence[Axis], metric: str, *, seed: int, runs: int, refine: bool = True
 ) -> Tuned:
@@ -150,7 +176,8 @@ def tune(
     Raises UsageError where every setting has failed runs only or the metric is not about this filter.
     """
     check(metric, cell)
-    tuning = Bench(cell.spec, spec, metric, seed + SEED_STEP, runs)
+    wanted = better(metric, cell)
+    tuning = Bench(cell.spec, spec, metric, seed + SEED_STEP, runs, wanted)
     paths = [each.path for each in axes]
     if (count := math.prod(len(each.values) for each in axes)) > MOST_SETTINGS:
         raise UsageError(f"{count} settings, more than {MOST_SETTINGS}: fewer --points or values, please")
@@ -164,7 +191,7 @@ def tune(
         along = {value: {**best, each.path: value} for value in _sorted({*each.values, best[each.path]})}
         curves[each.path] = list(zip(along, tuning(list(along.values())), strict=True))
     before = {each.path: current(spec, each.path) for each in axes}
-    test = Bench(cell.spec, spec, metric, seed, runs)
+    test = Bench(cell.spec, spec, metric, seed, runs, wanted)
     test_before, test_chosen = test([{}, best])
     return Tuned(cell, before, best, curves, test_before, test_chosen, len(tuning.scores))
 

@@ -72,6 +72,18 @@ def test_whiteness_is_the_autocorrelation_of_standardised_innovations() -> None:
         assert got[4] == pytest.approx((e[lag:] * e[:-lag]).sum() / (e * e).sum())
 
 
+def test_where_no_two_steps_are_that_far_apart_whiteness_is_not_a_number() -> None:
+    of = trial("kf", missing=False)
+    T = len(of.world.y)
+    assert np.isfinite(metrics.get(f"whiteness(lag={T - 1})")(of)).all()
+    for lag in (T, T + 1, 10 * T):
+        assert np.isnan(metrics.get(f"whiteness(lag={lag})")(of)).all()
+    of = trial("kf", missing=False)
+    of.estimate.extras["nu"][::2, :, 0] = np.nan  # of the first run every second measurement is missing
+    found = metrics.get("whiteness")(of)
+    assert np.isnan(found[0]) and np.isfinite(found[1:]).all()
+
+
 def test_one_component_and_the_curve() -> None:
     of = trial("kf", missing=True)
     nu = of.estimate.extras["nu"][:, 1]

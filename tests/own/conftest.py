@@ -257,6 +257,31 @@ class twice(student):
         return draw.normal("value", steps, self.dim) + draw.uniform("value", steps, self.dim)
 
 
+class generating(student):
+    def sample(self, draw, steps):
+        (generator,) = draw.generators("value")
+        return generator.standard_normal((steps, self.dim, draw.runs))
+
+
+class around(student):
+    """A law that is put around another one."""
+
+    def sample(self, draw, steps):
+        from rkfbench import noise
+
+        return noise.build({"kind": "plugins.py:student"}, self.dim).sample(draw.within("inner"), steps)
+
+
+class dense(student):
+    """A law with a density, for any components too."""
+
+    def logpdf(self, e):
+        return -3 * np.log1p(e * e / self.nu).sum(0)
+
+    def marginal(self, rows):
+        return dense(len(rows), self.nu)
+
+
 class in_parts(student):
     def sample(self, draw, steps):
         one, two = (draw.within(part).normal("value", steps, self.dim) for part in "ab")

@@ -2,6 +2,7 @@
 
 import re
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from rkfbench.filters import build
 from rkfbench.own import parts
 from rkfbench.own.faults import PluginFault
 from rkfbench.store import Results
-from rkfbench.streams import Streams
+from rkfbench.streams import Onward, Streams
 from rkfbench.study.compute import compute
 from tests.contract import SPECS
 from tests.problems import linear_problem
@@ -62,12 +63,21 @@ def test_parts_of_a_law_have_draws_of_their_own(folder):
     assert value.std() > 1
 
 
+def test_a_law_around_another_draws_once_and_goes_on_from_step_to_step(folder):
+    law = noise.build({"kind": "plugins:around"}, 2)
+    assert law.sample(Streams(1), 50).value.shape == (50, 2, 128)
+    onward = Onward(1, 0, 1, "filter/", 5)
+    first, second = (law.sample(onward, 1).value for _ in range(2))
+    assert not np.any(first == second)
+
+
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
         ("plugins:wild", "gives other values each time"),
         ("plugins:shaped", r"draw.normal\(\(2, 2\)\): first comes a purpose, .*: draw.normal\('value', steps, dim\)"),
         ("plugins:twice", "draws the purpose 'value' twice, which gives the same random numbers"),
+        ("plugins:generating", "has no attribute 'generators'"),
         ("plugins:narrow", r"sample of plugins:narrow has shape \(2, 128\), expected \(2, 2, 128\)"),
         ("plugins:lopsided", "not a covariance"),
         ("plugins:whole", "no parameter `dim`"),
@@ -82,8 +92,42 @@ def test_what_a_law_does_not_have_is_told_where_it_is_needed(folder):
     law = noise.build({"kind": "plugins:student"}, 2)
     with pytest.raises(PluginFault, match="no `logpdf`"):
         law.logpdf(np.zeros(2))
+    with pytest.raises(PluginFault, match=r"plugins:student has no `marginal\(rows\)`, the law of some components"):
+        law.marginal(np.array([0]))
     with pytest.raises(PluginFault, match="no Sample with the record"):
         law.sample(Streams(1), 2).cov()
+
+
+GAPS = """\
+name: gaps
+data: {measurements: seen.csv}
+model: {kind: navigation, dt: 0.5, observed: [px, py]}
+measurement_noise: {kind: "plugins.py:KIND"}
+assumed: {mean: [0, 0, 8, 3], cov: 1, process_cov: 0.1, measurement_cov: law}
+filters: [kf, {use: pf, particles: 50}]
+metrics: ["state[px]"]
+"""
+
+
+def test_a_law_with_a_marginal_is_that_of_its_components(folder):
+    law = noise.build({"kind": "plugins:dense"}, 3)
+    e = np.arange(6.0).reshape(2, 3)
+    part = law.marginal(np.array([0, 2]))
+    np.testing.assert_array_equal(part.logpdf(e), noise.build({"kind": "plugins:dense"}, 2).logpdf(e))
+    assert part.sample(Streams(1), 4).value.shape == (4, 2, 128)
+
+
+@pytest.mark.parametrize(("kind", "exit_code"), [("dense", 0), ("unfinished", 1)])
+def test_a_particle_filter_weighs_what_is_measured_of_a_vector(folder, monkeypatch, kind, exit_code):
+    monkeypatch.chdir(folder)
+    with Path("plugins.py").open("a") as file:
+        file.write("\n\nclass unfinished(student):\n    logpdf = dense.logpdf\n")
+    Path("seen.csv").write_text("px,py\n1,2\n1.5,\n2,3\n")
+    Path("s.yaml").write_text(GAPS.replace("KIND", kind))
+    result = rkfbench("run", "s.yaml")
+    assert result.exit_code == exit_code, result.output
+    missing = "plugins.py:unfinished has no `marginal(rows)`, the law of some components, which this filter needs"
+    assert (missing in result.stderr) == (exit_code == 1), result.stderr
 
 
 def test_a_weight_combines_with_moments(folder):

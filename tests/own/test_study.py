@@ -249,6 +249,31 @@ def test_studies_with_plugins_of_their_own_do_not_disturb_each_other(scenario, t
         assert (folder / "summary.csv").exists()
 
 
+MEASURED = "def {name}(trial, states):\n    return trial.estimate.mean[:, states[0]] - trial.truth()[:, states[0]]\n"
+OF_ITS_OWN = """
+claims: [{id: c, says: it does, ordering: {metric: "mine.py:NAME", filters: [kf, hkf], cases: rate=0.4}}]
+tables: [{id: t, metric: "mine.py:NAME"}]
+figures: [{id: f, kind: sweep, over: rate, metric: "mine.py:NAME"}]
+"""
+
+
+@pytest.mark.parametrize("more", [["--jobs", "1"], ["--jobs", "2"], ["--precision", "9"], ["--shard", "1/1"]])
+def test_studies_with_metrics_of_their_own_do_not_disturb_each_other(tmp_path, tmp_path_factory, more):
+    paths = []
+    for name in ("first", "second"):
+        paths.append(tmp_path_factory.mktemp(name) / "s.yaml")
+        text = SMALL.replace("name: small", f"name: {name}") + OF_ITS_OWN.replace("NAME", name)
+        paths[-1].write_text(text.replace("[err_norm,", f'["mine.py:{name}", err_norm,'))
+        (paths[-1].parent / "mine.py").write_text(MEASURED.format(name=name))
+    result = rkfbench("run", *paths, *more, "--out", tmp_path / "r")
+    assert result.exit_code == 0, result.output
+    if "--shard" not in more:
+        assert {path.parents[1].name for path in (tmp_path / "r").glob("*/tables/t.csv")} == {"first", "second"}
+        for command in ("verify", "report"):
+            again = rkfbench(command, tmp_path / "r/first", tmp_path / "r/second")
+            assert again.exit_code == 0, again.output
+
+
 RECORDED = """\
 name: drive
 data: {measurements: drive.csv, time: t}

@@ -80,6 +80,14 @@ def test_references_are_grey_without_marker_and_told_apart_by_their_dash() -> No
     assert looks["clairvoyant_kf"].dash != looks["zero"].dash
 
 
+def test_a_filter_that_is_labelled_like_a_reference_is_none() -> None:
+    labels = ["optimal_hkf", "zero_lag", "exact"]
+    looks = style.looks([*labels, "bayes"], dict(zip(labels, ("hkf", "kf", "bayes"), strict=True)))
+    assert [looks[label].reference for label in (*labels, "bayes")] == [False, False, True, True]
+    looks = style.looks(["zero", "kf"], {"zero": "zero"}, references=())
+    assert not looks["zero"].reference
+
+
 def test_variants_of_a_filter_go_from_dark_to_light_and_leave_the_filter_its_own_look() -> None:
     labels = ["hkf", "hkf[threshold=0.5]", "hkf[threshold=1]", "hkf[threshold=3]"]
     looks = style.looks(labels, dict.fromkeys(labels, "hkf"))

@@ -13,7 +13,7 @@ import pytest
 from rkfbench.errors import UsageError
 from rkfbench.filters import FILTERS
 from rkfbench.references import is_reference
-from rkfbench.scenario import load
+from rkfbench.scenario import bundled, load
 from rkfbench.store import Results
 from rkfbench.study.engines import serial
 from rkfbench.study.events import Stopped
@@ -118,6 +118,31 @@ def test_a_filter_that_knows_more_than_the_others_is_a_reference() -> None:
     more = [name for name, entry in FILTERS.items() if entry.needs & {"record", "flags", "truth"}]
     assert all(map(is_reference, [*REFERENCES, *more]))
     assert [name for name in FILTERS if is_reference(name) and name not in REFERENCES] == []
+
+
+def test_a_label_makes_no_reference(tmp_path: Path, compute: fakes.Compute) -> None:
+    study = fakes.scenario(filters=["hkf"])
+    spec = {"filters": [{"use": "hkf", "label": label} for label in ("optimal_hkf", "zero_lag", "truth")]}
+    for label in ("optimal_hkf", "zero_lag", "truth"):
+        assert run(study.changed(filters=spec["filters"]), tmp_path / label, Goal({"rmse": 0.3}, 1000))[0].runs > 0
+    assert not any(map(is_reference, spec["filters"]))
+    assert is_reference({"label": "mine", "use": "bayes", "points": 100})
+    assert is_reference({"label": "mine", "fixed_point": {"filter": {"use": "clairvoyant_kf"}, "at": 5}})
+    assert is_reference({"label": "mine", "use": "rts", "filter": "clairvoyant_kf"})
+    assert not is_reference({"label": "truth", "moments": "taylor", "weight": {"huber": {"threshold": 1.0}}})
+    assert not is_reference({"label": "mine", "use": "mine.py:mine", "start": "zero"})
+
+
+def test_the_references_of_the_bundled_scenarios() -> None:
+    specs = [spec for name in bundled() for cell in load(name).cells for spec in cell.spec["filters"]]
+    found = {spec["label"] for spec in specs if is_reference(spec)}
+    assert found == {"bayes", "clairvoyant_kf", "clairvoyant_ks", "kf_clair", "truth", "zero"}
+
+
+def test_a_study_of_references_alone_is_refused_before_it_begins(small: Path) -> None:
+    small.write_text(small.read_text().replace("[kf, {use: hkf, threshold: 2}]", "[clairvoyant_kf, zero]"))
+    with pytest.raises(UsageError, match="compares no filters, it has references and extras only"):
+        Goal.of(["0.01"], 5, load(small))
 
 
 def test_a_filter_that_raises_stops_the_search(tmp_path: Path, compute: fakes.Compute) -> None:

@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rkfbench.catalogue import parameters
 from rkfbench.cli.commands import app
 from rkfbench.errors import UsageError
+from rkfbench.metrics import METRICS
+from rkfbench.report.tuned import sentence
 from rkfbench.scenario import load
 from rkfbench.store import files
 from rkfbench.study import compute as module
 from rkfbench.study.axes import Axis, axis, changed
-from rkfbench.study.tune import tune
+from rkfbench.study.tune import better, tune
 from rkfbench.study.tuning import SEED_STEP
 
 HKF = {"use": "hkf", "label": "hkf", "threshold": 1.345, "root": "symmetric", "reuse_root": True}
@@ -172,6 +175,52 @@ def test_two_continuous_parameters_go_through_the_simplex(small: Path, monkeypat
     assert found.tried < 16 + 60 + 10
 
 
+@pytest.mark.parametrize("refine", [False, True])
+def test_of_a_likelihood_the_largest_is_the_best(small: Path, refine: bool) -> None:
+    along = [axis("assumed.cov=0.01:100:5", HKF | {"assumed": {"cov": 1.0}}, 5)]
+    told = HKF | {"assumed": {"cov": 1.0}}
+    found = tune(cell_of(small), told, along, "log_likelihood", seed=5, runs=40, refine=refine)
+    means = {value: score.row["mean"] for value, score in found.curves["assumed.cov"]}
+    assert means[found.chosen["assumed.cov"]] == max(means.values())
+    assert min(means.values()) < max(means.values())
+    assert "the largest mean of" in sentence(found, along)
+
+
+def test_the_score_is_as_good_as_what_the_scenario_means_by_it(small: Path) -> None:
+    assert better("score", cell_of(small)) == "small"
+    small.write_text(small.read_text() + "score: err_norm[px]\n")
+    assert better("score", cell_of(small)) == better("err_norm[px]", cell_of(small)) == "small"
+
+
+def test_every_metric_of_one_filter_says_what_is_better_or_that_nothing_is() -> None:
+    said = {name: entry.make()["quantity"] for name, entry in METRICS.items() if not _asks(entry)}
+    by_word = {word: {n for n, q in said.items() if q.better == word} for word in ("small", "large", None)}
+    assert by_word["large"] == {"log_likelihood", "lambda_auc", "distinct"}
+    assert by_word[None] == {
+        *("state", "error", "sd", "stated_rmse", "radial_sd", "tangential_sd", "principal_sd", "trace", "improvement"),
+        *("nees", "nis", "nis_beyond", "whiteness", "excess", "excess_entry", "crossed", "score"),
+        *("lambda_mean", "share_46", "share_worse_given_46", "cond_S_top_lambda", "cond_ratio_top_psi"),
+    }
+
+
+def _asks(entry: Any) -> bool:
+    return any(each.required for each in parameters(entry.make).values())
+
+
+def test_an_own_metric_says_what_is_better(small: Path) -> None:
+    source = "def mine(trial, states):\n    return -abs(trial.estimate.mean[:, 0] - trial.truth()[:, 0])\n"
+    Path("mine.py").write_text(source)
+    options = ["--filter", "hkf", "--over", "threshold=0.5,50", "--case", "rate=0.4", "--metric", "mine.py:mine"]
+    refused = rkfbench("tune", small, *options)
+    assert refused.exit_code == 2
+    assert "'mine.py:mine' does not say what is better" in refused.stderr
+    Path("mine.py").write_text(source + 'mine.better = "large"\n')
+    chosen = rkfbench("tune", small, *options, "--runs", "50")
+    assert "threshold = 0.5 (the largest mean of 2 settings tried)" in chosen.stderr
+    Path("mine.py").write_text(source + 'mine.better = "more"\n')
+    assert "`better` of mine.py:mine is 'more'" in rkfbench("tune", small, *options).stderr
+
+
 def test_a_setting_with_failed_runs_is_behind_one_without(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     compute = module.compute
 
@@ -233,7 +282,9 @@ def test_the_end_of_a_range_is_told(small: Path) -> None:
     [
         (["--metric", "err_norm@k"], "is not one number a run"),
         (["--metric", "rms"], "did you mean 'rmse'"),
-        (["--metric", "lambda_mean"], "does not apply to the filter 'hkf'"),
+        (["--metric", "lambda_auc"], "does not apply to the filter 'hkf'"),
+        (["--metric", "nis"], "neither a small nor a large 'nis' makes a filter better"),
+        (["--metric", "mean_of(name=inflation)"], "neither a small nor a large 'mean_of(name=inflation)'"),
         (["--points", "30", "--over", "root=symmetric,cholesky", "--over", "reuse_root=true,false"], ""),
     ],
 )
