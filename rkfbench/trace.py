@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rkfbench import metrics
 from rkfbench.errors import UsageError
 from rkfbench.experiment import Experiment, World
 from rkfbench.filters import Estimate
@@ -78,7 +79,8 @@ def trace(cell: Cell, seed: int, run: int, label: str) -> Trace:
 
 
 def worst(scenario: Scenario, cell: Cell, label: str, metric: str, folder: Path) -> tuple[int, float]:
-    """The run of the study in which a metric of the filter is largest, and its value there; a failed run is the worst.
+    """The run of the study in which a metric of the filter is largest, or smallest where large is good, and its value
+    there; a failed run is the worst.
 
     Taken from the results `folder` as far as its numbers are those of this scenario and code, else computed.
     """
@@ -89,7 +91,8 @@ def worst(scenario: Scenario, cell: Cell, label: str, metric: str, folder: Path)
         values = np.where(score.failed, np.inf, score.values)
     if np.isnan(values).all():
         raise UsageError(f"the metric '{metric}' is not defined in any run of '{label}'")
-    run = int(np.nanargmax(values))
+    good = metrics.get(metric).better == "large"
+    run = int(np.nanargmax(np.where(np.isposinf(values), values, -values) if good else values))
     return run, float(values[run])
 
 

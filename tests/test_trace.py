@@ -14,8 +14,10 @@ from rkfbench.cli.commands import app
 from rkfbench.errors import UsageError
 from rkfbench.experiment import Experiment
 from rkfbench.scenario import load
+from rkfbench.scenario.pick import filter_of
 from rkfbench.store import Results, files
 from rkfbench.streams import GROUP, Streams
+from rkfbench.study.tune import Bench
 from rkfbench.trace import trace, worst
 from tests.test_recording import EXAMPLE, SCENARIO
 
@@ -90,6 +92,14 @@ def test_stored_numbers_are_read_and_not_computed_again(small: Path, monkeypatch
         worst(load(small, seed=6), cell_of(small), "hkf", "err_norm", folder)
     with pytest.raises(AssertionError):  # not among the metrics of the study
         worst(load(small), cell_of(small), "hkf", "rmse", folder)
+
+
+def test_the_worst_run_is_the_least_likely_one(small: Path) -> None:
+    cell = cell_of(small)
+    scenario = load(small)
+    score = Bench(cell.spec, filter_of(cell, "hkf"), "log_likelihood", scenario.seed, scenario.runs)([{}])[0]
+    run, value = worst(load(small), cell, "hkf", "log_likelihood", Path("results/small"))
+    assert (run, value) == (int(np.argmin(score.values)), score.values.min())
 
 
 def test_a_failed_run_is_the_worst(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -84,7 +84,7 @@ def trace(
     run: Annotated[int | None, typer.Option("--run", min=0, help="Number of the run, from 0.")] = None,
     worst: Annotated[bool, typer.Option("--worst", help="The run of the study with the largest error.")] = False,
     metric: Annotated[
-        str | None, typer.Option("--metric", help="What is largest in the worst run (default: the scenario's score).")
+        str | None, typer.Option("--metric", help="What is worst in the worst run (default: the scenario's score).")
     ] = None,
     case: Annotated[str | None, typer.Option("--case", help="The case, where there are several.")] = None,
     reading: Reading = None,

@@ -14,11 +14,29 @@ from tests.claims.fakes import offered
 
 ALADKF = {
     *("C0", "C1a", "C1b", "C1c", "C1d", "T1", "T2", "T3", "T4", "T5", "H1", "H2", "H3", "H4", "H5", "H6", "L1", "A1"),
-    *("C2a", "C2b", "C2c", "C2d", "C3a", "C3b", "C3c", "C3d", "C3e", "C3f", "C3g", "C3h", "C4a", "C4b", "C4c", "C5"),
+    *(
+        "C2a",
+        "C2b",
+        "C2c",
+        "C2d",
+        "C3a",
+        "C3b",
+        "C3c",
+        "C3d",
+        "C3e",
+        "C3f",
+        "C3g",
+        "C3h",
+        "C3i",
+        "C4a",
+        "C4b",
+        "C4c",
+        "C5",
+    ),
 }
 
 
-def test_the_aladkf_paper_has_all_claims_of_its_note() -> None:
+def test_the_aladkf_paper_has_all_claims_of_its_note_and_one_that_it_lacks() -> None:
     paper = load_paper("aladkf-2020")
     assert {claim.id for claim in paper.claims} == {f"aladkf-{name}" for name in ALADKF}
     assert 1 <= len(paper.headline) <= 6

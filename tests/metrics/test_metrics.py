@@ -85,10 +85,10 @@ def test_shares_of_46_by_kind_of_step():
 
 
 def test_share_of_47_by_the_inflated_noise():
-    w, V = np.linalg.eigh(EXPERIMENT.R)
+    w, V = np.linalg.eigh(EXPERIMENT.told.R)
     root = (V * np.sqrt(w)) @ V.T
     inflated = np.einsum("ij,tjm,kj->tmik", root, ESTIMATES["hkf"].extras["inflation"], root)
-    holds = np.linalg.cond(inflated) >= np.linalg.cond(EXPERIMENT.R) * (1 - 1e-9)
+    holds = np.linalg.cond(inflated) >= np.linalg.cond(EXPERIMENT.told.R) * (1 - 1e-9)
     np.testing.assert_allclose(measure("share_47", "hkf"), holds.mean(0))
     assert not metrics.applies(metrics.get("share_47"), build("aladkf"))
 

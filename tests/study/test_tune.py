@@ -199,7 +199,7 @@ def test_every_metric_of_one_filter_says_what_is_better_or_that_nothing_is() -> 
     assert by_word[None] == {
         *("state", "error", "sd", "stated_rmse", "radial_sd", "tangential_sd", "principal_sd", "trace", "improvement"),
         *("nees", "nis", "nis_beyond", "whiteness", "excess", "excess_entry", "crossed", "score"),
-        *("lambda_mean", "share_46", "share_worse_given_46", "cond_S_top_lambda", "cond_ratio_top_psi"),
+        *("lambda_mean", "share_46", "share_47", "share_worse_given_46", "cond_S_top_lambda", "cond_ratio_top_psi"),
     }
 
 
