@@ -53,6 +53,7 @@ class Loaded:
 
 
 _folder: list[Path] = []  # at most one
+_added: list[str] = []  # to sys.path, for it: what stood there before stays
 _loaded: dict[str, Loaded] = {}  # by the part of the name before the colon
 _homes: dict[str, str] = {}  # of every plug-in name that was found: that part
 
@@ -73,8 +74,9 @@ def beside(folder: Path) -> None:
     folder = folder.resolve()
     if [folder] != _folder:
         stale = [home for home, old in _loaded.items() if old.folder is not None]
-        if _folder and str(_folder[0]) in sys.path:
-            sys.path.remove(str(_folder[0]))
+        while _added:
+            if (place := _added.pop()) in sys.path:
+                sys.path.remove(place)
         _folder[:] = [folder]
     else:
         stale = [home for home, old in _loaded.items() if old.folder is not None and old.stale]
@@ -218,6 +220,7 @@ def _executed(file: Path) -> ModuleType:
 
     if str(_current()) not in sys.path:
         sys.path.append(str(_current()))
+        _added.append(str(_current()))
     importlib.invalidate_caches()
     name = f"{file.stem}@rkfbench"  # no import statement can mean it
     loader = FromSource(name, str(file))

@@ -232,3 +232,16 @@ def test_entry_points_are_names_too(folder, monkeypatch):
 def test_a_process_that_lacks_an_installed_package_refuses(folder):
     with pytest.raises(InputChanged, match="source of theirs"):
         own.ready(str(folder), {"theirs": "0123"})
+
+
+def test_what_python_looked_through_before_stays(tmp_path, monkeypatch):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "my.py").write_text("def f(model, y, x0, P0, Q, R):\n    return y\n")
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    before = list(sys.path)
+    for folder in (tmp_path, mine):
+        own.beside(folder)
+    assert names.find("my.py:f") and sys.path == [*before, str(mine)]
+    own.beside(tmp_path)
+    assert sys.path == before
