@@ -15,8 +15,9 @@ import typer
 from rkfbench import interrupts
 from rkfbench.cli import INTERRUPTED
 from rkfbench.cli.terminal import Terminal, written
-from rkfbench.errors import RkfbenchError
+from rkfbench.errors import RkfbenchError, UsageError
 
+LONGEST = 200  # characters of a file name in a message
 OUTPUT: dict[str, Any] = {
     "as_json": Annotated[bool, typer.Option("--json", help="Print data as JSON.")],
     "quiet": Annotated[bool, typer.Option("-q", "--quiet", help="Print only data and errors.")],
@@ -54,6 +55,9 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
                 terminal.error(traceback.format_exc())
             elif isinstance(error, RkfbenchError):
                 terminal.error(str(error))
+            elif isinstance(error, OSError) and error.filename is not None:
+                terminal.error(f"cannot use {str(error.filename)[:LONGEST]}: {error.strerror}")
+                raise typer.Exit(UsageError.exit_code) from None
             else:
                 terminal.error(
                     f"{type(error).__name__}: {error}\nnot expected: run again with -v to see where it happened"

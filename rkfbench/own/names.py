@@ -7,6 +7,7 @@ what is named, and what that imports.
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import traceback
 from collections.abc import Iterator, Mapping
@@ -183,7 +184,7 @@ def _file(home: str) -> Path | None:
     relative = Path(home if is_file else f"{home}.py")
     if relative.is_absolute() or ".." in relative.parts:
         raise SpecError(f"{home} is not inside the folder of the scenario: `plugins: FOLDER` names another folder")
-    if (folder / relative).is_file():
+    if os.path.isfile(folder / relative):
         return folder / relative
     if is_file:
         raise SpecError(f"there is no file {home} in {folder}")

@@ -10,6 +10,7 @@ beside it, so that the folder can be run again wherever it is.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
@@ -148,7 +149,7 @@ def with_steps(spec: Map) -> Map:
     if not isinstance(data, Map):
         return spec
     for key in FILES:
-        if isinstance(path := data.get(key), str) and not Path(path).is_file():
+        if isinstance(path := data.get(key), str) and not os.path.isfile(path):
             raise SpecError(f"there is no file {path}", ("data", key))
     if spec.get("steps") is not None or not isinstance(data.get("measurements"), str):
         return spec

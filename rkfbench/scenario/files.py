@@ -5,6 +5,7 @@ In a checkout they stand in `scenarios/` beside the package; a wheel carries the
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from rkfbench.errors import UsageError, did_you_mean
@@ -28,7 +29,7 @@ def find(source: str | Path, known: dict[str, Path], what: str) -> Path:
     if str(source) in known:
         return known[str(source)]
     path = Path(source)
-    if path.exists() or path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
+    if os.path.exists(path) or path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
         return path
     raise UsageError(f"no {what} '{source}', neither a file nor a bundled one{did_you_mean(source, known)}")
 

@@ -214,3 +214,19 @@ def test_the_caveat_of_a_reading_is_no_override(change) -> None:
 def test_a_caveat_is_a_text(problems) -> None:
     (told,) = problems({"  plain: {}": "  plain: {caveat: 3}"})
     assert "readings.plain.caveat" in told
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("  - kf\n", f"  - {'f' * 5000}.py:f\n", "there is no file f"),
+        ("seed: 1", f"data: {{measurements: {'d' * 5000}}}\nseed: 1", "there is no file .*d"),
+        ("seed: 1", f"paper: {'p' * 5000}\nseed: 1", None),
+    ],
+)
+def test_a_name_too_long_for_a_file_is_that_of_none(change, old: str, new: str, message: str | None) -> None:
+    if message is None:
+        assert change({old: new}).paper == "p" * 5000  # as any other paper that is not bundled
+    else:
+        with pytest.raises(ScenarioError, match=message):
+            change({old: new})
