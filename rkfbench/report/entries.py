@@ -11,7 +11,7 @@ They are tidy, one number a line of a table's CSV, and everything else is laid o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -160,7 +160,7 @@ def _own_layout(table: Table, material: Material, reading: str) -> Iterable[tupl
     names: dict[str, Callable[[str], str]] = {
         "case": material.words.case,
         "filter": material.words.filter,
-        "metric": material.words.metric,
+        "metric": material.words.metric if _told_apart(table.metrics, material.words.metric) else str,
         "statistic": str,
     }
     for combination in product(*(values[each] for each in order)):
@@ -168,6 +168,11 @@ def _own_layout(table: Table, material: Material, reading: str) -> Iterable[tupl
         row = ", ".join(names[each](cell[each]) for each in rows if cell[each])
         column = ", ".join(names[each](cell[each]) for each in columns if cell[each])
         yield row, column, (cell["filter"], cell["case"], cell["metric"], cell["statistic"])
+
+
+def _told_apart(metrics: Sequence[str], name: Callable[[str], str]) -> bool:
+    """Whether no two are called alike: `a.py:worst` and `b.py:worst` would have one place in the table."""
+    return len({*map(name, metrics)}) == len({*metrics})
 
 
 def _listed(dimensions: Any) -> list[str]:

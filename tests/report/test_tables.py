@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from rkfbench.report import entries, tables
 from rkfbench.report.material import Material
+from rkfbench.report.words import Words
 from rkfbench.scenario.display import Table
 from rkfbench.scenario.paper_schema import PrintedLine, PrintedRow
 from rkfbench.store import Results
@@ -93,6 +95,13 @@ def test_rows_and_columns_may_be_any_of_case_filter_and_metric(material: Materia
     found = sheet(table, material)
     assert found.headings == ("error norm", "cond(S)")
     assert [line.heading for line in found.lines] == ["clairvoyant KF", "KF", "HKF", "ALADKF"]
+
+
+def test_metrics_that_would_be_called_alike_keep_their_places(material: Material) -> None:
+    alike = replace(material, words=Words({"err_norm": "worst", "cond_S": "worst"}))
+    table = Table(id="t", metric=["err_norm", "cond_S"], rows="filter", columns="metric")
+    assert sheet(table, alike).headings == ("err_norm", "cond_S")
+    assert sheet(table.model_copy(update={"metric": "cond_S"}), alike).headings == ("worst",)
 
 
 def test_results_beside_the_readings_of_the_scenario_are_shown_where_they_are_asked_for(material: Material) -> None:
