@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -97,11 +96,11 @@ def test_rows_and_columns_may_be_any_of_case_filter_and_metric(material: Materia
     assert [line.heading for line in found.lines] == ["clairvoyant KF", "KF", "HKF", "ALADKF"]
 
 
-def test_metrics_that_would_be_called_alike_keep_their_places(material: Material) -> None:
-    alike = replace(material, words=Words({"err_norm": "worst", "cond_S": "worst"}))
-    table = Table(id="t", metric=["err_norm", "cond_S"], rows="filter", columns="metric")
-    assert sheet(table, alike).headings == ("err_norm", "cond_S")
-    assert sheet(table.model_copy(update={"metric": "cond_S"}), alike).headings == ("worst",)
+def test_own_metrics_that_would_be_called_alike_keep_their_files() -> None:
+    own = ["a.py:worst[px]", "b.py:worst[px]", "b.py:best", "rmse"]
+    assert list(entries.metric_names(own, Words()).values()) == ["a.py:worst[px]", "b.py:worst[px]", "best", "RMSE"]
+    named = Words({"score": "RMSE"})
+    assert list(entries.metric_names(["score", "rmse"], named).values()) == ["RMSE", "RMSE"]  # as the scenario says
 
 
 def test_results_beside_the_readings_of_the_scenario_are_shown_where_they_are_asked_for(material: Material) -> None:
