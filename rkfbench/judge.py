@@ -15,6 +15,7 @@ from pathlib import Path
 from rkfbench import scenario as scenarios
 from rkfbench.claims.checks import checks_of
 from rkfbench.claims.ledger import ClaimVerdict, Row, claim_verdicts, ledger, under_switch
+from rkfbench.claims.needs import why_not_run
 from rkfbench.claims.plan import Cell, Outline, Outlines, faults, outline, own_paper, plan
 from rkfbench.claims.records import COLUMNS, Change, record, stored, verify
 from rkfbench.claims.words import markdown, summary
@@ -45,7 +46,7 @@ def write_claims(scenario: Scenario, folder: Path) -> list[Row]:
     pages = []
     for docket in dockets(scenario, results):
         every = ledger(docket.paper, docket.cells, {scenario.name: results}, docket.outlines)
-        mine = [_noted(row, results) for row in every if row.cell.form.scenario == scenario.name]
+        mine = [_noted(row, scenario, results) for row in every if row.cell.form.scenario == scenario.name]
         rows += mine
         title = f"Claims of {docket.name} that {scenario.name} decides"
         own = docket.outlines[scenario.name].readings
@@ -80,7 +81,7 @@ def verified(folder: Path) -> list[Verified]:
         cells = {cell.key for cell in docket.cells}
         mine = [kept.pop(key) for key in list(kept) if key in cells]
         rows, changes = verify(docket.paper, docket.cells, mine, docket.outlines)
-        about = [_noted(row, results) for row in rows if row.cell.form.scenario == scenario.name]
+        about = [_noted(row, scenario, results) for row in rows if row.cell.form.scenario == scenario.name]
         mine_changed = [change for change in changes if change.key[4] == scenario.name]
         found.append(Verified(docket, scenario, about, mine_changed))
     if found:
@@ -88,17 +89,17 @@ def verified(folder: Path) -> list[Verified]:
     return found
 
 
-def _noted(row: Row, results: Results) -> Row:
-    """The row with a remark where the number of runs was found by looking at the numbers: its interval is bent."""
-    if (
-        not results.stopped
-        or row.observed is None
-        or row.observed.measured.law == "exact"
-        or row.cell.family == "timing"
-    ):
-        return row
-    reason = "; ".join(filter(None, (row.judgement.reason, f"runs not fixed beforehand: {results.stopped}")))
-    return replace(row, judgement=replace(row.judgement, reason=reason))
+def _noted(row: Row, scenario: Scenario, results: Results) -> Row:
+    """The row with what its results say besides numbers: what a check found, why a cell was not run, and that the
+    number of runs was found by looking at the numbers, which bends its interval.
+    """
+    exact = row.observed is not None and row.observed.measured.law == "exact"
+    reasons = [row.judgement.reason, results.notes.get(row.cell.form.check, "")]
+    if row.verdict == "not run":
+        reasons.append(why_not_run(row.cell, scenario))
+    if results.stopped and row.observed is not None and not exact and row.cell.family != "timing":
+        reasons.append(f"runs not fixed beforehand: {results.stopped}")
+    return replace(row, judgement=replace(row.judgement, reason="; ".join(filter(None, reasons))))
 
 
 def sentences(judged: Iterable[Verified]) -> Iterator[tuple[str, str, str]]:

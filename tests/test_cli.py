@@ -462,6 +462,38 @@ def test_explain_tells_what_was_measured_and_how_to_repeat_it(claiming: Path) ->
     assert "did you mean 'outliers'?" in rkfbench("explain", "outlier").stderr
 
 
+def test_what_needs_extras_says_so_and_the_command_that_is_told_measures_it(claiming: Path) -> None:
+    text = claiming.read_text().replace(
+        "threshold: 2}", "threshold: 2}, {use: hkf, threshold: 9, label: wide, extra: true}"
+    )
+    wide = "ordering: {metric: err_norm, filters: [kf, wide], cases: rate=0.4}"
+    claiming.write_text(text + f"  - {{id: robust, says: so is this, {wide}}}\n")
+    rkfbench("run", claiming)
+    said = rkfbench("explain", "robust").stdout
+    assert "not run (needs extras: run with --full)" in said
+    assert "needs extras: run with --full" in Path("results/small/claims.md").read_text()
+    assert said.endswith("\nrepeat with: rkfbench run small.yaml --full\n")
+    rkfbench("run", claiming, "--full")
+    assert "not run" not in rkfbench("explain", "robust").stdout
+    assert rkfbench("explain", "outliers").stdout.endswith("\nrepeat with: rkfbench run small.yaml\n")
+
+
+def test_paper_claims_say_what_a_check_found_and_what_options_took_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = rkfbench("run", "contamination-rates", "--set", "measurement_noise.rate=0.1", "--runs", "2")
+    folder = Path(run.stdout.strip())
+    found = "deviation of aladkf.H5: 0, tolerance -1e-09: not reproduced (least eigenvalue 0 at k = 1 (rank 3 of 4)"
+    changed = "not run (options or an edit changed the experiment: it has no case rate=0.3)"
+    assert found in rkfbench("explain", "aladkf-H5", folder).stdout
+    assert changed in rkfbench("explain", "aladkf-C3d", folder).stdout
+    ledger = (folder / "claims.md").read_text()
+    assert found in ledger
+    assert changed in ledger
+    assert rkfbench("verify", folder).exit_code == 0
+
+
 def test_explain_counts_the_cells_of_a_claim_by_their_verdicts(claiming: Path) -> None:
     several = "bound: {metric: err_norm, filters: [[kf, hkf]], cases: [rate=0, rate=0.4], above: 0}"
     claiming.write_text(claiming.read_text() + f"  - {{id: errors, says: they err, {several}}}\n")

@@ -25,7 +25,8 @@ def sentence(row: Row) -> str:
         return f"{subject}{row.verdict}" + (f" ({judgement.reason})" if judgement.reason else "")
     measured = observed.measured
     if measured.law == "exact":
-        return f"{form.text}: {measured.estimate:.3g}, tolerance {row.region.high:.3g}: {row.verdict}"
+        text = f"{form.text}: {measured.estimate + 0.0:.3g}, tolerance {row.region.high:.3g}: {row.verdict}"  # no -0
+        return text + (f" ({judgement.reason})" if judgement.reason else "")
     subject = f"win probability of {form.text}" if observed.decided_on == "wins" else form.text
     text = f"{subject}: {measured.estimate:.4g} +- {measured.se:.2g}"
     if form.printed:
@@ -46,7 +47,8 @@ def remarks(line: Mapping[str, Any]) -> Iterator[str]:
         yield f"resolution {_percent(line['resolution'])}"
     if line.get("flip_at") is not None and isfinite(line["flip_at"]):
         flip, percent, scale = (nan if line.get(name) is None else line[name] for name in _MARGIN)
-        yield f"would flip at {line['flip_at']:.4g}{distance(flip, percent, scale, bool(line.get('printed_runs')))}"
+        margin = distance(flip, percent, scale, bool(line.get("printed_runs")))
+        yield f"would flip at {line['flip_at'] + 0.0:.4g}{margin}"
     if line["verdict"] == "inconclusive" and (line.get("runs") or 0) > 1:
         runs = "repeats" if line["family"] == "timing" else "runs"
         needed = line.get("runs_needed")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -72,10 +72,10 @@ def explain(
     from rkfbench.reproduce import folders_with_claims
 
     judged = [each for folder in folders or folders_with_claims() for each in verified(folder)]
-    found = [(row, _source(each.scenario)) for each in judged for row in each.rows]
-    mine = [row for row, _ in found if claim in (row.cell.id, row.cell.claim.id)]
+    found = [row for each in judged for row in each.rows]
+    mine = [row for row in found if claim in (row.cell.id, row.cell.claim.id)]
     if not mine:
-        known = dict.fromkeys(row.cell.id for row, _ in found)
+        known = dict.fromkeys(row.cell.id for row in found)
         raise UsageError(f"no results decide a claim '{claim}'{did_you_mean(claim, known)}")
     if terminal.json:
         terminal.object([record(row) for row in mine])
@@ -91,8 +91,9 @@ def explain(
         terminal.data(f"  interval {_span(row)}, one of {row.family_size} judged together")
     for text in _caveats(judged, mine):
         terminal.data(f"\n{text}")
-    for source in dict.fromkeys(source for row, source in found if row in mine):
-        terminal.data(f"\nrepeat with: {shlex.join(['rkfbench', 'run', source])}")
+    of_mine = [each for each in judged if any(row in mine for row in each.rows)]
+    for repeating in dict.fromkeys(_repeating(each, mine) for each in of_mine):
+        terminal.data(f"\nrepeat with: {repeating}")
 
 
 @command
@@ -125,6 +126,14 @@ def report(
         paths = write_report(folders, place)
     for path in paths:
         terminal.data(str(path))
+
+
+def _repeating(judged: Verified, rows: Sequence[Row]) -> str:
+    """The command that measures again those of the rows that were judged there."""
+    from rkfbench.claims.needs import only_full
+
+    full = any(only_full(row.cell, judged.scenario) for row in judged.rows if row in rows)
+    return shlex.join(["rkfbench", "run", _source(judged.scenario), *(["--full"] if full else [])])
 
 
 def _source(scenario: Scenario) -> str:
@@ -178,4 +187,4 @@ def _line(row: Row) -> dict[str, Any]:
 
 
 def _span(row: Row) -> str:
-    return f"{row.judgement.lower:.6g} .. {row.judgement.upper:.6g}" if row.observed else "none"
+    return f"{row.judgement.lower + 0.0:.6g} .. {row.judgement.upper + 0.0:.6g}" if row.observed else "none"  # no -0

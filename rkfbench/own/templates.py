@@ -82,7 +82,7 @@ def {name}(threshold: Annotated[float, Gt(0), "in standard deviations"] = 3.0):
 '''
 
 SCENARIO = """\
-# rkfbench run {file}: tables, figures and report in results/{name}
+# rkfbench run {file}: numbers, tables and figures in results/{name}; rkfbench report makes a page of them
 name: {name}
 seed: 1
 runs: {{paper: 100, reference: 1000}}

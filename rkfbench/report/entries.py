@@ -11,7 +11,8 @@ They are tidy, one number a line of a table's CSV, and everything else is laid o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ from typing import Any, NamedTuple
 from rkfbench.report.computed import COMPUTED
 from rkfbench.report.material import Material, is_timing, printed_numbers, text
 from rkfbench.report.numbers import Written, fixed, written
+from rkfbench.report.words import Words
 from rkfbench.scenario.display import Table, metrics_in
 from rkfbench.store import files
 
@@ -160,7 +162,7 @@ def _own_layout(table: Table, material: Material, reading: str) -> Iterable[tupl
     names: dict[str, Callable[[str], str]] = {
         "case": material.words.case,
         "filter": material.words.filter,
-        "metric": material.words.metric,
+        "metric": metric_names(table.metrics, material.words).__getitem__,
         "statistic": str,
     }
     for combination in product(*(values[each] for each in order)):
@@ -168,6 +170,13 @@ def _own_layout(table: Table, material: Material, reading: str) -> Iterable[tupl
         row = ", ".join(names[each](cell[each]) for each in rows if cell[each])
         column = ", ".join(names[each](cell[each]) for each in columns if cell[each])
         yield row, column, (cell["filter"], cell["case"], cell["metric"], cell["statistic"])
+
+
+def metric_names(metrics: Sequence[str], words: Words) -> dict[str, str]:
+    """What the metrics of a table are called; `a.py:worst` and `b.py:worst` keep their files to have places apart."""
+    names = {metric: words.metric(metric) for metric in metrics}
+    count = Counter(names.values())
+    return {metric: metric if count[name] > 1 and ":" in metric else name for metric, name in names.items()}
 
 
 def _listed(dimensions: Any) -> list[str]:

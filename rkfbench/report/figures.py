@@ -170,8 +170,9 @@ def _left_labels(figure: Drawn, grid: Grid, panel: Key, points: Sequence[Point])
 
 
 def _axis_label(axis: Axis, name: str) -> str:
-    label = axis.label or name
-    return " ".join(part for part in (label, f"({axis.unit})" if axis.unit else "") if part)
+    """`RMSE (m)`; a unit that the name of the metric has already is not said twice."""
+    label, unit = axis.label or name, f"({axis.unit})" if axis.unit else ""
+    return " ".join(filter(None, (label, "" if label.endswith(unit) else unit)))
 
 
 def _x_name(figure: Any, words: Words) -> str:

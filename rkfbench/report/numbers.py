@@ -32,8 +32,8 @@ class Written:
 
     def tex(self) -> str:
         value = self.value.replace("∞", r"\infty").replace("−", "-")
-        if value == "nan":
-            return "nan"
+        if value in ("nan", "–"):  # no numbers, so outside mathematics
+            return value.replace("–", "--")
         body = rf"{value} \pm {self.error}" if self.error else value
         if self.exponent:
             body = (f"({body})" if self.error else body) + rf" \times 10^{{{self.exponent}}}"

@@ -244,7 +244,7 @@ def environment() -> Environment:
     )
     page.filters["percent"] = lambda share: f"{100 * share:.2f}%"
     page.filters["bar"] = lambda cell: str(cell).replace("|", r"\|").replace("\n", " ")
-    page.globals.update(verdicts=verdicts, markdown_table=tables.markdown)
+    page.globals.update(verdicts=verdicts, markdown_table=tables.markdown, table_title=tables.title)
     return page
 
 

@@ -18,7 +18,7 @@ from rkfbench import own
 from rkfbench import scenario as scenarios
 from rkfbench.pool import Pool
 from rkfbench.references import is_reference
-from rkfbench.report import entries, figures, forest, style, tables
+from rkfbench.report import entries, figures, forest, latex, style, tables
 from rkfbench.report.captions import caption
 from rkfbench.report.influence import influence_points
 from rkfbench.report.material import Material, distinct
@@ -179,7 +179,7 @@ def _write_tables(outcome: Outcome) -> Iterator[Path]:
         stem = outcome.results.folder / "tables" / table.id
         entries.write(stem.with_suffix(".csv"), found)
         files.write(stem.with_suffix(".md"), tables.markdown(table, sheets))
-        files.write(stem.with_suffix(".tex"), tables.latex(table, sheets))
+        files.write(stem.with_suffix(".tex"), latex.tables(table, sheets, outcome.scenario.name))
         yield from (stem.with_suffix(suffix) for suffix in (".csv", ".md", ".tex"))
 
 

@@ -64,6 +64,7 @@ SPARE = tuple(
 NAMES = {
     "fpmcs": "FP-MCS", "nrukf_r": "NRUKF-R", "nrukf_y": "NRUKF-Y", "nrukf_r_it": "NRUKF-R, iterated",
     "nrukf_y_it": "NRUKF-Y, iterated", "ukf_match": "UKF, matched R", "clairvoyant_kf": "clairvoyant KF",
+    "clairvoyant_ks": "clairvoyant KS",
     "kf_clair": "KF told outliers",
     "tempered": "tempered EKF", "inflated": "inflated EKF", "iterated": "iterated EKF", "flow": "continuous flow",
     "bayes": "exact Bayes", "zero": "zero estimate", "hkf_regression": "HKF, regression",
@@ -143,9 +144,13 @@ def blend(colour: str, tint: float) -> str:
 
 
 def display_name(label: str) -> str:
-    """A filter's label as a reader sees it: `fpmcs[sigma=1]` -> `FP-MCS, sigma = 1`."""
+    """A filter's label as a reader sees it: `fpmcs[sigma=1]` -> `FP-MCS, sigma = 1`.
+
+    A `_` that stands at an end (`complex_`) joins no words, and the label is as it is written.
+    """
     base, _, parameters = label.partition("[")
-    name = NAMES.get(base) or (base.upper() if base in FILTERS else base.replace("_", " "))
+    plain = base if base != base.strip("_") else base.replace("_", " ")
+    name = NAMES.get(base) or (base.upper() if base in FILTERS else plain)
     return f"{name}, {parameters.rstrip(']').replace('=', ' = ').replace(',', ', ')}" if parameters else name
 
 

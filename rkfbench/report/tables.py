@@ -1,15 +1,14 @@
-"""Tables: the entries laid out in rows and columns, one sheet a reading, and written down as Markdown and LaTeX."""
+"""Tables: the entries laid out in rows and columns, one sheet a reading, and written down as Markdown."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rkfbench.report.captions import averaged, casualties
 from rkfbench.report.entries import Entry
 from rkfbench.report.material import distinct, is_timing
-from rkfbench.report.numbers import SUPERSCRIPT, as_printed, fixed, written
+from rkfbench.report.numbers import as_printed, fixed, written
 from rkfbench.report.words import PLAIN, Words
 from rkfbench.scenario.display import Table
 
@@ -81,7 +80,7 @@ def _range(cell: Entry) -> str:
 
 def markdown(table: Table, sheets: Sequence[Sheet], level: int = 1) -> str:
     """The sheets as Markdown tables; the paper's numbers in lines of their own."""
-    parts = [f"{'#' * level} {table.title or table.id}", *([table.caption] if table.caption else [])]
+    parts = [f"{'#' * level} {title(table)}", *([table.caption] if table.caption else [])]
     for sheet in sheets:
         rows = [["", *sheet.headings]]
         for line in sheet.lines:
@@ -94,47 +93,13 @@ def markdown(table: Table, sheets: Sequence[Sheet], level: int = 1) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def latex(table: Table, sheets: Sequence[Sheet]) -> str:
-    """The sheets as LaTeX tables in the style of the booktabs package."""
-    return "\n".join(_latex_sheet(table, sheet) for sheet in sheets)
-
-
-def escape(plain: str) -> str:
-    """Plain text as LaTeX."""
-    return re.sub(r"[\\&%$#_{}~^×±∞−–·⁻⁰¹²³⁴⁵⁶⁷⁸⁹]", lambda match: _TEX[match[0]], plain)
-
-
-_TEX: Mapping[str, str] = {
-    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
-    "×": r"$\times$", "±": r"$\pm$", "∞": r"$\infty$", "−": r"$-$", "–": "--", "·": r"$\cdot$",
-    **{character: "\\" + character for character in "&%$#_{}"},
-    **{chr(raised): rf"\textsuperscript{{{chr(plain)}}}" for plain, raised in SUPERSCRIPT.items()},
-}  # fmt: skip
-
-
-def _latex_sheet(table: Table, sheet: Sheet) -> str:
-    def row(heading: str, cells: Iterable[str]) -> str:
-        return " & ".join([heading, *cells]) + r" \\"
-
-    body = [row("", map(escape, sheet.headings)), r"\midrule"]
-    for line in sheet.lines:
-        body.append(row(escape(line.heading), ("" if cell is None else _tex(cell) for cell in line.cells)))
-        for heading, cells in line.beneath:
-            italic = (rf"\textit{{{escape(number)}}}" if number else "" for number in cells)
-            body.append(row(rf"\quad\textit{{{escape(heading)}}}", italic))
-    caption = " ".join(part for part in (f"{table.title or table.id}.", table.caption, sheet.note) if part)
-    label = "-".join(part for part in (table.id, re.sub(r"[^A-Za-z0-9]+", "-", sheet.reading)) if part)
-    head = [r"\begin{table}", r"\centering", rf"\caption{{{escape(caption)}}}", rf"\label{{tab:{label}}}"]
-    frame = [rf"\begin{{tabular}}{{l{'r' * len(sheet.headings)}}}", r"\toprule", *body, r"\bottomrule"]
-    return "\n".join([*head, *frame, r"\end{tabular}", r"\end{table}", ""])
+def title(table: Table) -> str:
+    """What stands above a table: its title, else its id in words."""
+    return table.title or (table.id[:1].upper() + table.id[1:]).replace("_", " ")
 
 
 def _plain(entry: Entry) -> str:
     return f"{entry.written.text()} ({entry.note})" if entry.note else entry.written.text()
-
-
-def _tex(entry: Entry) -> str:
-    return f"{entry.written.tex()} ({escape(entry.note)})" if entry.note else entry.written.tex()
 
 
 def _over(found: Sequence[Entry]) -> str:

@@ -120,7 +120,7 @@ def _history(ax: Axes, trace: Trace, name: str, look: style.Look) -> None:
     for column in columns:
         ax.plot(_x(trace), trace.columns[column], linewidth=0.8, label=column.removeprefix(f"{name}_"))
     if len(columns) > 1:
-        ax.legend(fontsize=6.5, ncols=len(columns), loc="upper right")
+        ax.legend(fontsize=6.5, ncols=len(columns), loc="lower right", bbox_to_anchor=(1, 1))  # beside the title
     ax.set_title(name.replace("_", " "))
 
 

@@ -20,9 +20,12 @@ PLACE = ("reading", "case", "filter", "metric")
 STATISTICS = ("runs", "failed", "mean", "se", "sd", "median", "q05", "q95", "max")
 CURVE = (*PLACE, "parameter", "value", *STATISTICS)
 CAPTION = (
-    "Curve: mean over the tuning runs, band: ± 2 standard errors; the other parameters have the values chosen. Line: "
-    "the value chosen. Marks: mean over the test runs with ± 2 standard errors, filled: as chosen, open: as before."
+    "Dots: mean over the tuning runs, band or bars: ± 2 standard errors; the other parameters have the values chosen. "
+    "Line: the value chosen. Diamonds: mean over the test runs with ± 2 standard errors, filled: as chosen, open: as "
+    "before."
 )
+LETTERS = 17  # of the caption, an inch
+BESIDE = (0.12, 0.24)  # where the test runs stand beside a category, in distances of two
 
 
 def write(folder: Path, found: Sequence[Tuned], label: str, metric: str) -> list[Path]:
@@ -82,9 +85,10 @@ def draw(found: Sequence[Tuned], label: str, metric: str) -> Figure:
     panels = [(each, path) for each in found for path in each.curves]
     wide = len(found[0].curves) if len(found[0].curves) > 1 else min(len(panels), 3)
     rows = -(-len(panels) // wide)
-    caption = textwrap.wrap(CAPTION, 60 * wide)
+    width = 2.6 * wide + 1.4
+    caption = textwrap.wrap(CAPTION, int(LETTERS * width))
     height = 2.4 * rows + 0.2 + 0.16 * len(caption)
-    sheet = Figure(figsize=(2.6 * wide + 1.4, height), layout="constrained")
+    sheet = Figure(figsize=(width, height), layout="constrained")
     axes = sheet.subplots(rows, wide, squeeze=False, sharey="row").ravel()
     look = style.looks([label])[label]
     for spare in axes[len(panels) :]:
@@ -100,28 +104,41 @@ def draw(found: Sequence[Tuned], label: str, metric: str) -> Figure:
 
 
 def _panel(ax: Axes, each: Tuned, path: str, look: style.Look) -> None:
+    """A curve with its band over numbers; over categories, which have nothing between them, dots with bars."""
     curve = each.curves[path]
     values = [value for value, _ in curve]
     numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
     places = values if numbers else list(range(len(values)))
     if not numbers:
         ax.set_xticks(places, [str(value) for value in values])
+        ax.set_xlim(-0.5, len(values) - 0.5)
     elif min(values) > 0 and max(values) > WIDE * min(values):
         ax.set_xscale("log")
     means, errors = zip(*(_mean(score) for _, score in curve), strict=True)
-    ax.plot(places, means, color=look.colour, marker=".")
-    low, high = ([m + sign * 2 * e for m, e in zip(means, errors, strict=True)] for sign in (-1, 1))
-    ax.fill_between(places, low, high, color=look.colour, alpha=0.15, linewidth=0)
+    if numbers:
+        ax.plot(places, means, color=look.colour, marker=".")
+        low, high = ([m + sign * 2 * e for m, e in zip(means, errors, strict=True)] for sign in (-1, 1))
+        ax.fill_between(places, low, high, color=look.colour, alpha=0.15, linewidth=0)
+    else:
+        ax.errorbar(places, means, [2 * e for e in errors], color=look.colour, marker=".", linestyle="")
     at = dict(zip(values, places, strict=True))
     ax.axvline(at[each.chosen[path]], color=look.colour, linewidth=0.8, linestyle=style.DOTTED)
-    for setting, score, face in (
-        (each.chosen, each.test_chosen, look.colour),
-        (each.before, each.test_before, "white"),
+    for setting, score, face, aside in (
+        (each.chosen, each.test_chosen, look.colour, BESIDE[0]),
+        (each.before, each.test_before, "white", BESIDE[1]),
     ):
         place = setting[path] if numbers else at.get(setting[path])
         if place is not None:
             mean, error = _mean(score)
-            ax.errorbar(place, mean, 2 * error, color=look.colour, marker="D", markerfacecolor=face, zorder=4)
+            ax.errorbar(
+                place if numbers else place + aside,
+                mean,
+                2 * error,
+                color=look.colour,
+                marker="D",
+                markerfacecolor=face,
+                zorder=4,
+            )
 
 
 def _mean(score: Score) -> tuple[float, float]:

@@ -69,6 +69,13 @@ class ClaimView:
         """Its place in the paper, and why it is not counted with what the paper says."""
         return "; ".join(filter(None, (self.locator, self.apart)))
 
+    @property
+    def found(self) -> str:
+        """What the exact check that decides it says of what it found, which is the same under every reading."""
+        cells = next(iter(self.cells.values()), [])
+        row = forest.deciding(cells, self.holds) if cells else {}
+        return text(row.get("reason")) if row.get("law") == "exact" else ""
+
     def rests_on(self, reading: str) -> str:
         """What the reader should know of the cells behind the verdict under a reading."""
         return self._rests_on(self.cells.get(reading, []))

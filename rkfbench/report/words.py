@@ -28,6 +28,7 @@ METRICS = {
     "time_ms": "time of one run (ms)", "time_ns": "time of a run and step in a batch (ns)",
 }  # fmt: skip
 _METRIC = re.compile(r"(?P<base>\w+)(?:\((?P<params>[^()]*)\))?(?:\[(?P<states>[^\[\]]*)\])?(?:@(?P<step>.*))?")
+_PLACE = re.compile(r"^[^()\[\]]*:")  # the file or module of an own metric
 
 
 @dataclass(frozen=True)
@@ -76,10 +77,13 @@ PLAIN = Words()
 
 
 def _quantity(name: str) -> str:
-    """A metric without its step: `share_below(name=beta)` -> `share of steps with beta < 1`."""
+    """A metric without its step: `share_below(name=beta)` -> `share of steps with beta < 1`.
+
+    One of the user's is called as it is there, without its file or module: `mine.py:worst[angle]` -> `worst[angle]`.
+    """
     match = _METRIC.fullmatch(name)
     if not match:
-        return name
+        return _PLACE.sub("", name)
     base, states = match["base"], f" [{match['states'].replace(',', ', ')}]" if match["states"] else ""
     pairs = (each.partition("=") for each in (match["params"] or "").split(",") if each)
     params = {key.strip(): value.strip() for key, _, value in pairs}

@@ -92,6 +92,11 @@ class Results:
         return {row["id"]: (float(row["deviation"]), float(row["tolerance"])) for row in self._records("checks.csv")}
 
     @cached_property
+    def notes(self) -> dict[str, str]:
+        """What exact checks say themselves of what they found: id -> a few words."""
+        return {row["id"]: str(row["note"]) for row in self._records("checks.csv") if row.get("note")}
+
+    @cached_property
     def timings(self) -> dict[str, list[Row]]:
         """Tables measured with a clock, by the name of the file in timings/ without its ending."""
         names = [name for name in self.manifest["files"] if name.startswith("timings/") and name.endswith(".csv")]

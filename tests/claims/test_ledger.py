@@ -188,6 +188,14 @@ def test_sentences_say_estimate_claim_verdict_and_margin() -> None:
     assert "resolution" in said["t-a"]
 
 
+def test_the_sentence_on_a_check_has_its_own_words_and_no_negative_zero() -> None:
+    (row,) = (row for row in rows() if row.cell.id == "P-4" and row.cell.reading == "literal")
+    assert row.observed is not None
+    at_zero = replace(row.observed, measured=replace(row.observed.measured, estimate=-0.0))
+    noted = replace(row, observed=at_zero, judgement=replace(row.judgement, reason="rank 3 of 4"))
+    assert sentence(noted) == "deviation of p.T1: 0, tolerance 1e-09: reproduced (rank 3 of 4)"
+
+
 def test_a_row_that_is_written_and_read_is_judged_the_same_to_the_last_bit() -> None:
     of, first = paper(), rows()
     cells = plan(of, OUTLINES)

@@ -171,6 +171,7 @@ def test_a_new_filter_passes_and_runs(options):
 def test_a_new_scenario_is_valid():
     assert rkfbench("new", "scenario", "first-try").stdout == "first-try.yaml\n"
     assert rkfbench("validate", "first-try.yaml").exit_code == 0
+    assert "numbers, tables and figures in results/first-try" in Path("first-try.yaml").read_text()  # and no report
 
 
 def test_nothing_is_written_over():

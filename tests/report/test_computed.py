@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from rkfbench.report import entries, tables
+from rkfbench.report import entries, latex, tables
 from rkfbench.report.computed import COMPUTED, LENGTHS, SIZES, operation_counts, operation_totals
 from rkfbench.report.material import Material
 from rkfbench.scenario.display import Computed, Table
@@ -60,6 +60,6 @@ def test_counts_are_written_with_all_their_digits_and_survive_their_csv(material
     (sheet,) = tables.layouts(table, found)
     assert sheet.note == "Exact counts."
     assert "| n = 6, m = 3: (30) FP-MCS, N = 1000 | 3188316 | 3224313 | −35997 |" in tables.markdown(table, [sheet])
-    assert "$3188316$ & $3224313$ & $-35997$" in tables.latex(table, [sheet])
+    assert "$3188316$ & $3224313$ & $-35997$" in latex.tables(table, [sheet], "s")
     entries.write(tmp_path / "t.csv", found)
     assert entries.read(tmp_path / "t.csv") == found

@@ -117,6 +117,12 @@ def test_the_legend_shows_what_stands_for_a_bar_on_a_logarithmic_axis(material: 
     assert legend.legend_handles and all(handle.get_marker() in marks for handle in legend.legend_handles)
 
 
+def test_a_unit_that_the_name_of_the_metric_has_already_is_not_said_twice(material: Material) -> None:
+    figure = declared(kind="sweep", over="rate", metric="cond_S", y={"label": "improvement (%)", "unit": "%"})
+    sheet = drawn(figure, points(figure, material, "literal"))
+    assert sheet.axes[0].get_ylabel() == "improvement (%)"
+
+
 def test_a_declared_axis_is_kept(material: Material) -> None:
     axis = {"log": True, "label": "condition number", "unit": "m", "limits": [0.5, 50.0]}
     figure = declared(kind="sweep", over="rate", metric="cond_S", y=axis, x={"times": 100.0, "unit": "%"})

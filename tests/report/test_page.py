@@ -234,3 +234,14 @@ def test_a_page_that_is_not_to_go_elsewhere_refers_to_the_files_of_its_figures(f
     sources = re.findall(r'<img src="([^"]+)"', html.read_text(encoding="utf-8"))
     assert sources
     assert all((folder / source).is_file() for source in sources)
+
+
+def test_the_words_of_an_exact_check_stand_beside_its_claim(folder: Path) -> None:
+    rows = [fakes.claim_row(law="exact", reading=each, reason="rank 3 of <4>") for each in fakes.READINGS]
+    files.write_records(folder / "claims.csv", list(rows[0]), rows)
+    manifest.seal(folder, "claims.csv")
+    render(folder)
+    html, md = (path.read_text(encoding="utf-8") for path in write_report([folder], folder))
+    assert "the check: rank 3 of &lt;4&gt;</small>" in html
+    lines = [line for line in md.splitlines() if line.startswith("| **mine-1**")]
+    assert [line.count("*(the check: rank 3 of <4>)*") for line in lines] == [1, 1, 1]  # two readings, and the ledger

@@ -100,7 +100,13 @@ def test_variants_of_a_filter_go_from_dark_to_light_and_leave_the_filter_its_own
 def test_names_are_those_of_the_field() -> None:
     assert style.display_name("aladkf") == "ALADKF"
     assert style.display_name("fpmcs[sigma=1]") == "FP-MCS, sigma = 1"
+    assert style.display_name("clairvoyant_ks") == "clairvoyant KS"
     assert style.display_name("my_filter") == "my filter"
+
+
+def test_a_label_that_begins_or_ends_with_an_underscore_is_shown_as_it_is_written() -> None:
+    assert style.display_name("complex_[threshold=1]") == "complex_, threshold = 1"
+    assert style.display_name("_my_own") == "_my_own"
 
 
 def test_settings_of_the_caller_do_not_matter_and_are_not_touched() -> None:

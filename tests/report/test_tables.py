@@ -7,6 +7,7 @@ import pytest
 
 from rkfbench.report import entries, tables
 from rkfbench.report.material import Material
+from rkfbench.report.words import Words
 from rkfbench.scenario.display import Table
 from rkfbench.scenario.paper_schema import PrintedLine, PrintedRow
 from rkfbench.store import Results
@@ -95,6 +96,13 @@ def test_rows_and_columns_may_be_any_of_case_filter_and_metric(material: Materia
     assert [line.heading for line in found.lines] == ["clairvoyant KF", "KF", "HKF", "ALADKF"]
 
 
+def test_own_metrics_that_would_be_called_alike_keep_their_files() -> None:
+    own = ["a.py:worst[px]", "b.py:worst[px]", "b.py:best", "rmse"]
+    assert list(entries.metric_names(own, Words()).values()) == ["a.py:worst[px]", "b.py:worst[px]", "best", "RMSE"]
+    named = Words({"score": "RMSE"})
+    assert list(entries.metric_names(["score", "rmse"], named).values()) == ["RMSE", "RMSE"]  # as the scenario says
+
+
 def test_results_beside_the_readings_of_the_scenario_are_shown_where_they_are_asked_for(material: Material) -> None:
     switched = Material(material.results, readings=("literal",))  # so that `root` is like a switch
 
@@ -157,15 +165,9 @@ def test_markdown_escapes_bars(material: Material) -> None:
     assert r"|  | \|x\| |" in tables.markdown(table, [sheet(table, fakes.material(material.results, printed))])
 
 
-def test_latex_is_escaped_and_uses_booktabs(material: Material) -> None:
-    table = Table(id="t", title=r"50 % of R_1 & {a\b} ~ ^2 #$", paper="table-1")
-    text = tables.latex(table, [sheet(table, material, decimals=2)])
-    assert r"50 \% of R\_1 \& \{a\textbackslash{}b\} \textasciitilde{} \textasciicircum{}2 \#\$." in text
-    assert r"\begin{tabular}{lrrr}" in text
-    assert text.index(r"\toprule") < text.index(r"\midrule") < text.index(r"\bottomrule")
-    assert r"\quad\textit{paper} & \textit{4.10} & \textit{1.50} &  \\" in text
-    assert text.count("{") == text.count("}")
-    assert text.isascii()
+def test_what_has_no_title_is_called_by_its_id_in_words(material: Material) -> None:
+    table = Table(id="lost_runs", metric="err_norm")
+    assert tables.markdown(table, [sheet(table, material)]).startswith("# Lost runs\n")
 
 
 def test_entries_survive_their_csv(material: Material, tmp_path: Path) -> None:

@@ -19,7 +19,9 @@ from rkfbench.report.words import Words
         ("rmse(steps=outlier)[S]", "RMSE at outliers [S]"),
         ("nees(over=median)[altitude]", "median NEES [altitude]"),
         ("if_norm(every=5)", "norm of the influence function (every = 5)"),
-        ("my_module:my_metric", "my_module:my_metric"),
+        ("my_module:my_metric", "my_metric"),
+        ("mine.py:worst[angle]", "worst[angle]"),
+        ("mine.py:worst(of=a)[angle]@7", "worst(of=a)[angle] at k = 7"),
     ],
 )
 def test_a_metric_is_called_what_it_is(metric: str, shown: str) -> None:
