@@ -271,6 +271,31 @@ def test_an_output_that_takes_no_more_is_one_message(arguments: str) -> None:
     assert said(">&-") == (0, "")  # closed: whoever does that wants to hear nothing
 
 
+@pytest.mark.parametrize("redirected", ["2> /dev/full", "2>&-"])
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_progress_that_cannot_be_written_ends_nothing(small: Path, redirected: str) -> None:
+    command = f"{sys.executable} -m rkfbench run small.yaml --fresh {redirected}"
+    environment = os.environ | {"PYTHONPATH": ROOT}
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stdout) == (0, "results/small\n")
+
+
+@pytest.mark.parametrize("engine", [["--jobs", "1"], ["--jobs", "2"], ["--scheduler", "local", "--jobs", "1"]], ids=str)
+def test_what_a_plug_in_prints_is_no_result(small: Path, engine: list[str]) -> None:
+    Path("loud.py").write_text(
+        "print('imported')\n\n\ndef loud(model, y, x0, P0, Q, R):\n    print('called')\n    return y[:, [0, 1, 2, 2]]\n"
+    )
+    if "--scheduler" in engine:
+        pytest.importorskip("distributed")
+    small.write_text(small.read_text().replace("filters: [kf,", "filters: [kf, {use: loud.py:loud},"))
+    command = [sys.executable, "-m", "rkfbench", "run", small, "--json", "--runs", "300", *engine]
+    environment = os.environ | {"PYTHONPATH": ROOT}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert json.loads(done.stdout)[0]["failures"] == []
+    assert {"imported", "called"} <= set(done.stderr.splitlines())
+    assert rkfbench("check", "loud.py:loud").stdout.startswith("loud.py:loud on ")
+
+
 def test_validate_tells_every_problem_with_its_line(small: Path) -> None:
     assert rkfbench("validate", small).stdout == "small.yaml: valid (readings: 1, cases: 2, filters: 2)\n"
     small.write_text(small.read_text().replace("rate: 0.05", "rat: 0.05").replace("seed: 5", "seed: five"))
