@@ -362,6 +362,25 @@ def test_compare_tells_same_from_different(small: Path) -> None:
     assert "kf " not in re.sub("hkf", "", other_filter.stdout.split("\n", 2)[2])
 
 
+def test_compare_counts_what_one_folder_has_alone_and_blames_only_what_full_does_not_explain(small: Path) -> None:
+    small.write_text(small.read_text().replace("threshold: 2}", "threshold: 2}, {use: aladkf, extra: true}"))
+    for out, options in {"a": [], "b": ["--full"], "c": ["--set", "metrics=[err_norm]"]}.items():
+        rkfbench("run", small, "--out", out, *options)
+    full = "(extras and switches: it alone was run with --full)\n"
+    told = f"only in b: 4 rows of summary.csv {full}only in b: 2 curves of series.csv {full}"
+    for pair in (("a", "b"), ("b", "a")):
+        fuller = rkfbench("compare", *pair)
+        assert (fuller.exit_code, fuller.stdout) == (0, f"same to the tolerance (8 rows of summary.csv)\n{told}")
+    lacking = rkfbench("compare", "a", "c")
+    assert lacking.exit_code == 3
+    assert lacking.stdout.startswith("different (4 rows of summary.csv)\nonly in a: 4 rows of summary.csv\n")
+    small.write_text(small.read_text().replace("sweep: {measurement_noise.rate: [0, 0.4]}", ""))
+    rkfbench("run", small, "--out", "e")
+    other = rkfbench("compare", "a", "e")
+    assert (other.exit_code, other.stdout) == (2, "")
+    assert "a (small) and e (small) are different experiments" in other.stderr
+
+
 def test_verify_lists_claims_and_notices_a_region_that_moved(claiming: Path) -> None:
     rkfbench("run", claiming)
     result = rkfbench("verify", "results/small")
