@@ -154,6 +154,11 @@ def test_the_resolved_scenario_runs_again_to_the_same_numbers(small: Path) -> No
         (["smal"], "no scenario 'smal'"),
         (["small.yaml", "--set", "measurement_noise.rat=1"], "measurement_noise.rat"),
         (["small.yaml", "--set", "measurement_noise.rate=2"], "rate"),
+        (["small.yaml", "--set", "steps=5", "--sweep", "steps=5,6"], "steps: stands against --sweep steps=5,6"),
+        (
+            ["small.yaml", "--set", "measurement_noise=null", "--sweep", "measurement_noise.rate=0,1"],
+            "measurement_noise: stands against --sweep measurement_noise.rate=0,1",
+        ),
         (["small.yaml", "--runs", "0"], "--runs"),
         (["small.yaml", "--jobs", "0"], "--jobs"),
         (["small.yaml", "--colour"], "--colour"),
