@@ -579,6 +579,18 @@ def test_a_report_into_the_folder_of_another_program_leaves_its_manifest_alone(c
     assert Path("web/manifest.json").read_text() == '{"name": "my app"}'
 
 
+def test_a_report_is_not_written_over_the_page_of_somebody_else(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    Path("web").mkdir()
+    for _ in range(2):
+        assert rkfbench("report", "results/small", "--out", "web").exit_code == 0
+    for place in (Path("web"), Path("results/small")):
+        (place / "report.html").write_text("mine")
+        refused = rkfbench("report", "results/small", "--out", place)
+        assert (refused.exit_code, (place / "report.html").read_text()) == (2, "mine")
+        assert f"{place}/report.html was not written by rkfbench" in refused.stderr
+
+
 def test_damaged_results_are_told_and_made_again(claiming: Path) -> None:
     rkfbench("run", claiming)
     times, summary = Path("results/small/timings/repeats.csv"), Path("results/small/summary.csv")
