@@ -329,7 +329,17 @@ def test_everything_that_is_listed_can_be_shown(kind: str) -> None:
     assert names
     for name in names:
         shown = rkfbench("show", name)
-        assert (shown.exit_code, shown.stdout.startswith(f"{name} (")) == (0, True)
+        assert (shown.exit_code, shown.stdout.startswith(f"{name} (") or f"\n# {name} (" in shown.stdout) == (0, True)
+
+
+def test_a_scenario_with_the_name_of_a_model_is_shown_before_it_and_can_be_run(small: Path) -> None:
+    shown = rkfbench("show", "ungm").stdout
+    assert shown.startswith("name: ungm\n")
+    assert "\n# ungm (model; " in shown
+    Path("shown.yaml").write_text(shown)
+    assert rkfbench("validate", "shown.yaml").exit_code == 0
+    scenario, model = json.loads(rkfbench("show", "ungm", "--json").stdout)
+    assert (scenario["name"], model["kind"]) == ("ungm", "model")
 
 
 def test_a_scenario_is_shown_with_its_defaults(small: Path) -> None:

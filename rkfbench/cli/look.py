@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
+from textwrap import indent
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -63,24 +64,28 @@ def list_(terminal: Terminal, kind: Annotated[Kind, typer.Argument(help="What to
 
 @command
 def show(terminal: Terminal, name: Annotated[str, typer.Argument(help="Any name that list prints.")]) -> None:
-    """Show what a name stands for: its parameters, paper and equations; of a scenario, all of it with defaults."""
+    """Show what a name stands for: its parameters, paper and equations; of a scenario, all of it with defaults.
+
+    Below a scenario stands what else has its name, such as a model, as comments.
+    """
     from rkfbench.errors import UsageError, did_you_mean
     from rkfbench.scenario import bundled, load
     from rkfbench.scenario.yaml import dump
 
     entries = {kind: catalogue[name] for kind in CATALOGUES if name in (catalogue := _catalogue(kind))}
-    if entries:
-        pages = [_page(name, kind, entry) for kind, entry in entries.items()]
+    pages = [_page(name, kind, entry) for kind, entry in entries.items()]
+    text = "\n".join(_text(page) for page in pages)
+    if name in bundled() or (not entries and ("." in name or "/" in name)):
+        resolved = load(name).resolved
+        if terminal.json:
+            terminal.object([resolved, *pages] if pages else resolved)
+        else:
+            terminal.data(dump(resolved) + indent(f"\n{text}" if text else "", "# ", lambda line: bool(line.strip())))
+    elif pages:
         if terminal.json:
             terminal.object(pages)
         else:
-            terminal.data("\n".join(_text(page) for page in pages))
-    elif name in bundled() or "." in name or "/" in name:
-        resolved = load(name).resolved
-        if terminal.json:
-            terminal.object(resolved)
-        else:
-            terminal.data(dump(resolved))
+            terminal.data(text)
     else:
         known = [*bundled(), *(each for kind in CATALOGUES for each in _catalogue(kind))]
         raise UsageError(f"nothing is called '{name}'{did_you_mean(name, known)}")
