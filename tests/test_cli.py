@@ -100,6 +100,15 @@ def test_shards_say_what_is_left_and_a_plain_run_merges_them(small: Path) -> Non
     assert tables(Path("r")) == tables(Path("whole"))
 
 
+def test_shards_of_one_scenario_do_not_go_beside_those_of_another(small: Path) -> None:
+    assert rkfbench("run", small, "--shard", "1/2", "--out", "r").exit_code == 0
+    small.write_text(small.read_text().replace("name: small", "name: other"))
+    for more in (["--shard", "1/2"], []):
+        refused = rkfbench("run", small, "--out", "r", *more)
+        assert (refused.exit_code, refused.stdout) == (2, "")
+        assert "r holds blocks of 'small': choose another folder with --out" in refused.stderr
+
+
 def test_a_study_that_stops_where_it_is_precise_says_so_wherever_claims_are_judged(claiming: Path) -> None:
     result = rkfbench("run", claiming, "--precision", "err_norm=0.5", "--max-runs", "4")
     assert result.exit_code == 0
