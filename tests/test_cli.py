@@ -113,6 +113,7 @@ def test_a_study_that_stops_where_it_is_precise_says_so_wherever_claims_are_judg
     result = rkfbench("run", claiming, "--precision", "err_norm=0.5", "--max-runs", "4")
     assert result.exit_code == 0
     folder = Path("results/small~max-runs=4,precision=err_norm=0.5")
+    assert "with at most 4 runs\n" in result.stderr
     remark = "stopped at 4 runs: precision err_norm=0.5 reached"
     assert f"small: {remark}" in result.stderr
     assert [remark in line["reason"] for line in Results.open(folder).claims] == [True]
@@ -125,6 +126,13 @@ def test_a_study_that_stops_where_it_is_precise_says_so_wherever_claims_are_judg
     rkfbench("run", claiming)
     rkfbench("report", "results/small")
     assert "fixed beforehand" not in Path("results/small/report.md").read_text()
+
+
+def test_it_is_said_in_how_large_blocks_the_runs_for_a_precision_come(small: Path) -> None:
+    result = rkfbench("run", small, "--precision", "err_norm=0.5", "--set", "steps=2000", "--set", "metrics=[err_norm]")
+    assert "with at most 100000 runs in blocks of 256\n" in result.stderr
+    assert "stopped at 256 runs" in result.stderr
+    assert "Runs come in whole blocks" in " ".join(rkfbench("run", "--help").stdout.split())
 
 
 @pytest.mark.parametrize(
