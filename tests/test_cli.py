@@ -190,6 +190,37 @@ def test_what_is_wrong_is_said_on_stderr_and_nothing_is_written(small: Path, arg
     assert not Path("results").exists()
 
 
+def test_what_is_wrong_with_an_option_is_said_in_our_words() -> None:
+    for arguments, told in (
+        (["list", "foo"], "Invalid value for 'kind': 'foo' is not one of 'filters', 'moments',"),
+        (["run", "ungm", "--runs", "x"], "Invalid value for '--runs': should be a valid integer"),
+    ):
+        result = rkfbench(*arguments)
+        assert (result.exit_code, told in result.stderr) == (2, True), result.stderr
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("metric: err_norm}", "metric: err_norm/2}", "no metric 'err_norm/2' here: in arithmetic spaces stand around"),
+        ("metric: err_norm@k", "metric: rmse@k", ": what is shown or judged must stand in `metrics`"),
+        ("metric: err_norm, filters", "metric: err_norm*2, filters", "as in 'err_norm * 2'"),
+        ("metric: err_norm}", "metric: err_norm, cases: rate=1}", "tables.errors.cases.0: no case 'rate=1' here"),
+    ],
+)
+def test_what_to_do_about_a_metric_that_is_not_measured(claiming: Path, before: str, after: str, message: str) -> None:
+    claiming.write_text(claiming.read_text().replace(before, after))
+    result = rkfbench("validate", claiming)
+    assert (result.exit_code, message in result.stderr) == (2, True), result.stderr
+
+
+def test_one_case_needs_no_brackets(claiming: Path) -> None:
+    claiming.write_text(claiming.read_text().replace("metric: err_norm}", "metric: err_norm, cases: rate=0.4}"))
+    assert rkfbench("run", claiming).exit_code == 0
+    assert "0.4" in Path("results/small/tables/errors.csv").read_text()
+    assert rkfbench("run", "results/small/scenario.yaml", "--out", "again").exit_code == 0
+
+
 def test_a_bad_scenario_overwrites_nothing(small: Path) -> None:
     rkfbench("run", small)
     before = tables(Path("results/small"))
