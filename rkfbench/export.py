@@ -6,7 +6,8 @@
     <case>.mat                     the same for MATLAB and Octave: y (T, m, M), x (T, n, M), x0, P0, Q, R, F, H, Bu
     estimates.<label>.csv          of our filters that were asked for: what `rkfbench score` reads
 
-The numbers are those on which `rkfbench run` runs its filters, to the last bit.
+The numbers are those on which `rkfbench run` runs its filters, to the last bit. Files of an earlier export of the
+scenario into the same folder are replaced, or removed.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from rkfbench.experiment import Experiment, World
 from rkfbench.filters.estimates import covariance_column
 from rkfbench.linalg import Array
 from rkfbench.models import MODELS
-from rkfbench.store import files
+from rkfbench.store import files, loose
 from rkfbench.streams import GROUP, Streams
 from rkfbench.study.blocks import block_size
 from rkfbench.study.wide import alone
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 INDEX = "export.json"
+KINDS = ("measurements.csv", "truth.csv", "mat")  # of one case
 _ROW = re.compile(r"\[\s+([^\[\]{}]*?)\s+\]")  # a list of numbers or names: written on one line
 
 
@@ -67,12 +69,18 @@ def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequ
     stems = _apart([cell.case or "data" for cell in cells])
     readings = _apart([cell.reading for cell in cells])
     files_of = _apart(labels)
+
+    def stem_of(cell: Cell) -> str:
+        stem = stems[cell.case or "data"]
+        return stem if cell.reading == scenario.cells[0].reading else f"{readings[cell.reading]}.{stem}"
+
+    of = f"export of {scenario.name}"
+    planned = [f"{stem_of(cell)}.{kind}" for cell in cells for kind in KINDS]
+    planned += (f"estimates.{each}.csv" for each in files_of.values())
+    loose.refuse_foreign(folder, [INDEX, *planned], of)
     for cell, experiment in zip(cells, experiments, strict=True):
         data = simulated(experiment, scenario.seed, scenario.runs, labels)
-        stem = stems[cell.case or "data"]
-        if cell.reading != scenario.cells[0].reading:
-            stem = f"{readings[cell.reading]}.{stem}"
-        names = _write(stem, experiment, data, folder)
+        names = _write(stem_of(cell), experiment, data, folder)
         described.append({"case": cell.case, "reading": cell.reading, "files": names, **_told(cell, experiment, data)})
         written += (folder / name for name in names.values())
         for label, (mean, cov) in data.estimates.items():
@@ -98,6 +106,8 @@ def export(scenario: Scenario, cells: Sequence[Cell], folder: Path, labels: Sequ
     index = folder / INDEX
     text = json.dumps(head | {"cases": described}, indent=2)
     files.write(index, _ROW.sub(lambda row: f"[{' '.join(row[1].split())}]", text) + "\n")
+    loose.record(folder, [index, *written], of)
+    loose.remove_others(folder, of, [path.name for path in (index, *written)])  # they are of other data
     return [index, *written]
 
 

@@ -18,7 +18,7 @@ from importlib import import_module
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from rkfbench import blas
+from rkfbench import blas, stderr
 from rkfbench.errors import RkfbenchError
 from rkfbench.interrupts import held
 
@@ -213,9 +213,12 @@ def _start_tracker() -> None:
 
 
 def _serve() -> None:
-    """In a worker: leave Ctrl-C to the driver, and end with the driver, however that ends."""
+    """In a worker: leave Ctrl-C to the driver, and end with the driver, however that ends; results are returned, so
+    what is printed is no result.
+    """
     import multiprocessing
 
+    stderr.all_there()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.set_threshold(COLLECT)
     driver = multiprocessing.parent_process()

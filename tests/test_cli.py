@@ -100,10 +100,20 @@ def test_shards_say_what_is_left_and_a_plain_run_merges_them(small: Path) -> Non
     assert tables(Path("r")) == tables(Path("whole"))
 
 
+def test_shards_of_one_scenario_do_not_go_beside_those_of_another(small: Path) -> None:
+    assert rkfbench("run", small, "--shard", "1/2", "--out", "r").exit_code == 0
+    small.write_text(small.read_text().replace("name: small", "name: other"))
+    for more in (["--shard", "1/2"], []):
+        refused = rkfbench("run", small, "--out", "r", *more)
+        assert (refused.exit_code, refused.stdout) == (2, "")
+        assert "r holds blocks of 'small': choose another folder with --out" in refused.stderr
+
+
 def test_a_study_that_stops_where_it_is_precise_says_so_wherever_claims_are_judged(claiming: Path) -> None:
     result = rkfbench("run", claiming, "--precision", "err_norm=0.5", "--max-runs", "4")
     assert result.exit_code == 0
     folder = Path("results/small~max-runs=4,precision=err_norm=0.5")
+    assert "with at most 4 runs\n" in result.stderr
     remark = "stopped at 4 runs: precision err_norm=0.5 reached"
     assert f"small: {remark}" in result.stderr
     assert [remark in line["reason"] for line in Results.open(folder).claims] == [True]
@@ -116,6 +126,13 @@ def test_a_study_that_stops_where_it_is_precise_says_so_wherever_claims_are_judg
     rkfbench("run", claiming)
     rkfbench("report", "results/small")
     assert "fixed beforehand" not in Path("results/small/report.md").read_text()
+
+
+def test_it_is_said_in_how_large_blocks_the_runs_for_a_precision_come(small: Path) -> None:
+    result = rkfbench("run", small, "--precision", "err_norm=0.5", "--set", "steps=2000", "--set", "metrics=[err_norm]")
+    assert "with at most 100000 runs in blocks of 256\n" in result.stderr
+    assert "stopped at 256 runs" in result.stderr
+    assert "Runs come in whole blocks" in " ".join(rkfbench("run", "--help").stdout.split())
 
 
 @pytest.mark.parametrize(
@@ -154,6 +171,11 @@ def test_the_resolved_scenario_runs_again_to_the_same_numbers(small: Path) -> No
         (["smal"], "no scenario 'smal'"),
         (["small.yaml", "--set", "measurement_noise.rat=1"], "measurement_noise.rat"),
         (["small.yaml", "--set", "measurement_noise.rate=2"], "rate"),
+        (["small.yaml", "--set", "steps=5", "--sweep", "steps=5,6"], "steps: stands against --sweep steps=5,6"),
+        (
+            ["small.yaml", "--set", "measurement_noise=null", "--sweep", "measurement_noise.rate=0,1"],
+            "measurement_noise: stands against --sweep measurement_noise.rate=0,1",
+        ),
         (["small.yaml", "--runs", "0"], "--runs"),
         (["small.yaml", "--jobs", "0"], "--jobs"),
         (["small.yaml", "--colour"], "--colour"),
@@ -166,6 +188,37 @@ def test_what_is_wrong_is_said_on_stderr_and_nothing_is_written(small: Path, arg
     assert message in result.stderr.lower()
     assert "Traceback" not in result.stderr
     assert not Path("results").exists()
+
+
+def test_what_is_wrong_with_an_option_is_said_in_our_words() -> None:
+    for arguments, told in (
+        (["list", "foo"], "Invalid value for 'kind': 'foo' is not one of 'filters', 'moments',"),
+        (["run", "ungm", "--runs", "x"], "Invalid value for '--runs': should be a valid integer"),
+    ):
+        result = rkfbench(*arguments)
+        assert (result.exit_code, told in result.stderr) == (2, True), result.stderr
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("metric: err_norm}", "metric: err_norm/2}", "no metric 'err_norm/2' here: in arithmetic spaces stand around"),
+        ("metric: err_norm@k", "metric: rmse@k", ": what is shown or judged must stand in `metrics`"),
+        ("metric: err_norm, filters", "metric: err_norm*2, filters", "as in 'err_norm * 2'"),
+        ("metric: err_norm}", "metric: err_norm, cases: rate=1}", "tables.errors.cases.0: no case 'rate=1' here"),
+    ],
+)
+def test_what_to_do_about_a_metric_that_is_not_measured(claiming: Path, before: str, after: str, message: str) -> None:
+    claiming.write_text(claiming.read_text().replace(before, after))
+    result = rkfbench("validate", claiming)
+    assert (result.exit_code, message in result.stderr) == (2, True), result.stderr
+
+
+def test_one_case_needs_no_brackets(claiming: Path) -> None:
+    claiming.write_text(claiming.read_text().replace("metric: err_norm}", "metric: err_norm, cases: rate=0.4}"))
+    assert rkfbench("run", claiming).exit_code == 0
+    assert "0.4" in Path("results/small/tables/errors.csv").read_text()
+    assert rkfbench("run", "results/small/scenario.yaml", "--out", "again").exit_code == 0
 
 
 def test_a_bad_scenario_overwrites_nothing(small: Path) -> None:
@@ -271,6 +324,31 @@ def test_an_output_that_takes_no_more_is_one_message(arguments: str) -> None:
     assert said(">&-") == (0, "")  # closed: whoever does that wants to hear nothing
 
 
+@pytest.mark.parametrize("redirected", ["2> /dev/full", "2>&-"])
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_progress_that_cannot_be_written_ends_nothing(small: Path, redirected: str) -> None:
+    command = f"{sys.executable} -m rkfbench run small.yaml --fresh {redirected}"
+    environment = os.environ | {"PYTHONPATH": ROOT}
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stdout) == (0, "results/small\n")
+
+
+@pytest.mark.parametrize("engine", [["--jobs", "1"], ["--jobs", "2"], ["--scheduler", "local", "--jobs", "1"]], ids=str)
+def test_what_a_plug_in_prints_is_no_result(small: Path, engine: list[str]) -> None:
+    Path("loud.py").write_text(
+        "print('imported')\n\n\ndef loud(model, y, x0, P0, Q, R):\n    print('called')\n    return y[:, [0, 1, 2, 2]]\n"
+    )
+    if "--scheduler" in engine:
+        pytest.importorskip("distributed")
+    small.write_text(small.read_text().replace("filters: [kf,", "filters: [kf, {use: loud.py:loud},"))
+    command = [sys.executable, "-m", "rkfbench", "run", small, "--json", "--runs", "300", *engine]
+    environment = os.environ | {"PYTHONPATH": ROOT}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert json.loads(done.stdout)[0]["failures"] == []
+    assert {"imported", "called"} <= set(done.stderr.splitlines())
+    assert rkfbench("check", "loud.py:loud").stdout.startswith("loud.py:loud on ")
+
+
 def test_validate_tells_every_problem_with_its_line(small: Path) -> None:
     assert rkfbench("validate", small).stdout == "small.yaml: valid (readings: 1, cases: 2, filters: 2)\n"
     small.write_text(small.read_text().replace("rate: 0.05", "rat: 0.05").replace("seed: 5", "seed: five"))
@@ -299,7 +377,17 @@ def test_everything_that_is_listed_can_be_shown(kind: str) -> None:
     assert names
     for name in names:
         shown = rkfbench("show", name)
-        assert (shown.exit_code, shown.stdout.startswith(f"{name} (")) == (0, True)
+        assert (shown.exit_code, shown.stdout.startswith(f"{name} (") or f"\n# {name} (" in shown.stdout) == (0, True)
+
+
+def test_a_scenario_with_the_name_of_a_model_is_shown_before_it_and_can_be_run(small: Path) -> None:
+    shown = rkfbench("show", "ungm").stdout
+    assert shown.startswith("name: ungm\n")
+    assert "\n# ungm (model; " in shown
+    Path("shown.yaml").write_text(shown)
+    assert rkfbench("validate", "shown.yaml").exit_code == 0
+    scenario, model = json.loads(rkfbench("show", "ungm", "--json").stdout)
+    assert (scenario["name"], model["kind"]) == ("ungm", "model")
 
 
 def test_a_scenario_is_shown_with_its_defaults(small: Path) -> None:
@@ -335,6 +423,25 @@ def test_compare_tells_same_from_different(small: Path) -> None:
     assert other_filter.exit_code == 3
     assert "hkf" in other_filter.stdout
     assert "kf " not in re.sub("hkf", "", other_filter.stdout.split("\n", 2)[2])
+
+
+def test_compare_counts_what_one_folder_has_alone_and_blames_only_what_full_does_not_explain(small: Path) -> None:
+    small.write_text(small.read_text().replace("threshold: 2}", "threshold: 2}, {use: aladkf, extra: true}"))
+    for out, options in {"a": [], "b": ["--full"], "c": ["--set", "metrics=[err_norm]"]}.items():
+        rkfbench("run", small, "--out", out, *options)
+    full = "(extras and switches: it alone was run with --full)\n"
+    told = f"only in b: 4 rows of summary.csv {full}only in b: 2 curves of series.csv {full}"
+    for pair in (("a", "b"), ("b", "a")):
+        fuller = rkfbench("compare", *pair)
+        assert (fuller.exit_code, fuller.stdout) == (0, f"same to the tolerance (8 rows of summary.csv)\n{told}")
+    lacking = rkfbench("compare", "a", "c")
+    assert lacking.exit_code == 3
+    assert lacking.stdout.startswith("different (4 rows of summary.csv)\nonly in a: 4 rows of summary.csv\n")
+    small.write_text(small.read_text().replace("sweep: {measurement_noise.rate: [0, 0.4]}", ""))
+    rkfbench("run", small, "--out", "e")
+    other = rkfbench("compare", "a", "e")
+    assert (other.exit_code, other.stdout) == (2, "")
+    assert "a (small) and e (small) are different experiments" in other.stderr
 
 
 def test_verify_lists_claims_and_notices_a_region_that_moved(claiming: Path) -> None:
@@ -560,6 +667,18 @@ def test_a_report_into_the_folder_of_another_program_leaves_its_manifest_alone(c
     Path("web/manifest.json").write_text('{"name": "my app"}')
     assert rkfbench("report", "results/small", "--out", "web").exit_code == 0
     assert Path("web/manifest.json").read_text() == '{"name": "my app"}'
+
+
+def test_a_report_is_not_written_over_the_page_of_somebody_else(claiming: Path) -> None:
+    rkfbench("run", claiming)
+    Path("web").mkdir()
+    for _ in range(2):
+        assert rkfbench("report", "results/small", "--out", "web").exit_code == 0
+    for place in (Path("web"), Path("results/small")):
+        (place / "report.html").write_text("mine")
+        refused = rkfbench("report", "results/small", "--out", place)
+        assert (refused.exit_code, (place / "report.html").read_text()) == (2, "mine")
+        assert f"{place}/report.html was not written by rkfbench" in refused.stderr
 
 
 def test_damaged_results_are_told_and_made_again(claiming: Path) -> None:

@@ -91,6 +91,18 @@ def test_export_takes_cases_readings_and_options(small: Path) -> None:
         assert (result.exit_code, result.stdout) == (2, "")
 
 
+def test_estimates_of_an_earlier_export_go_away_and_nothing_else_does(small: Path) -> None:
+    assert rkfbench("export", small, "--filter", "hkf", "--out", "e").exit_code == 0
+    Path("e/notes.txt").write_text("mine")
+    assert rkfbench("export", small, "--seed", "9", "--out", "e").exit_code == 0
+    assert not Path("e/estimates.hkf.csv").exists()
+    assert Path("e/notes.txt").read_text() == "mine"
+    Path("e/estimates.kf.csv").write_text("mine")
+    refused = rkfbench("export", small, "--filter", "kf", "--out", "e")
+    assert (refused.exit_code, "e/estimates.kf.csv was not written by rkfbench" in refused.stderr) == (2, True)
+    assert Path("e/estimates.kf.csv").read_text() == "mine"
+
+
 def test_a_nonlinear_model_is_exported_without_constant_matrices(tmp_path: Path) -> None:
     ok("export", "range-bearing", "--runs", "2", "--out", tmp_path)
     case = json.loads((tmp_path / "export.json").read_text())["cases"][0]

@@ -70,6 +70,21 @@ def test_the_command_writes_a_table_and_a_figure(small: Path) -> None:
     assert as_json == rows
 
 
+def test_traces_of_other_options_stand_in_other_places(small: Path) -> None:
+    traced = ("trace", small, "--filter", "hkf", "--case", "rate=0", "--run", "3")
+    first, second = (Path(rkfbench(*traced, *more).stdout.split()[0]) for more in ([], ["--seed", "9"]))
+    assert (str(first.parent), str(second.parent)) == ("results/small~trace", "results/small~trace,seed=9")
+    before = first.read_bytes()
+    assert before != second.read_bytes()
+    refused = rkfbench(*traced, "--seed", "9", "--out", first.parent)
+    assert (refused.exit_code, "is of other options (small trace)" in refused.stderr) == (2, True)
+    first.write_text("mine")
+    assert rkfbench(*traced).exit_code == 2
+    assert first.read_text() == "mine"
+    beyond = rkfbench(*traced, "--runs", "3")
+    assert (beyond.exit_code, "--run is 0 to 2" in beyond.stderr) == (2, True)
+
+
 @pytest.mark.parametrize("stored", [True, False])
 def test_the_worst_run_is_that_of_the_study(small: Path, stored: bool) -> None:
     assert rkfbench("run", small, "-q", "--out", "results/small" if stored else "elsewhere").exit_code == 0

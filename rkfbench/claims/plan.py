@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 from rkfbench.claims.forms import Form, forms
 from rkfbench.errors import SpecError, did_you_mean
+from rkfbench.scenario.advice import not_measured
 from rkfbench.scenario.claims import Claim, Part, Role, names_used
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.times import FORMS
@@ -189,8 +190,9 @@ def _known(paper: Paper, outline: Outline, kind: str) -> tuple[str, ...]:
     }[kind]
 
 
-def _unknown(kind: str, name: str, known: object) -> SpecError:
-    return SpecError(f"unknown {kind} '{name}'{did_you_mean(name, known)}")  # type: ignore[arg-type]
+def _unknown(kind: str, name: str, known: Iterable[str]) -> SpecError:
+    advice = not_measured if kind == "metric" else did_you_mean
+    return SpecError(f"unknown {kind} '{name}'{advice(name, known)}")
 
 
 def _cells(paper: Paper, outlines: Outlines) -> Iterator[Cell]:

@@ -9,9 +9,9 @@ import gc
 import io
 import os
 import sys
-from typing import NoReturn, TextIO
+from typing import NoReturn
 
-from rkfbench import blas, interrupts
+from rkfbench import blas, interrupts, stderr
 from rkfbench.pool import COLLECT
 
 INTERRUPTED = 130  # exit code, as shells have it
@@ -23,10 +23,10 @@ def main() -> None:
     gc.set_threshold(COLLECT)  # a tenth of the start, otherwise
     blas.one_thread()
     sys.unraisablehook = _unraisable
-    sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
-    for stream in (sys.stdout, sys.stderr):  # a terminal that lacks a character, or a file name that is no text
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+    stderr.patient()
+    sys.stdout = sys.stdout or stderr.nowhere()
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal that lacks a character, or a file name that is no text
+        sys.stdout.reconfigure(errors="backslashreplace")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # pydantic would search every installed package
     try:
         from rkfbench.cli.commands import app
@@ -39,11 +39,6 @@ def main() -> None:
     except OSError as error:  # commands tell their own: it is the help that cannot be written
         print(f"cannot write to the standard output: {error.strerror}", file=sys.stderr)
         _leave(1)
-
-
-def _nowhere() -> TextIO:
-    """In the place of a stream that is closed (`>&-`, a daemon), for which Python has None."""
-    return open(os.devnull, "w")
 
 
 def _leave(code: int) -> NoReturn:

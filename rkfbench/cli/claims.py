@@ -108,14 +108,16 @@ def report(
     from contextlib import ExitStack
 
     from rkfbench.pool import Pool
-    from rkfbench.report.page import write_report
+    from rkfbench.report.page import NAMES, is_stamped, write_report
     from rkfbench.report.render import render
-    from rkfbench.store import manifest
+    from rkfbench.store import loose, manifest
     from rkfbench.store.lock import locked
 
     place = out or folders[0]
     for folder in folders:
         manifest.read(folder)  # only a results folder gets a lock
+    ours = manifest.listed(place)
+    loose.refuse_foreign(place, [name for name in NAMES if name not in ours and not is_stamped(place / name)], "report")
     written = [*folders, place] if manifest.is_sealed(place) else folders
     with ExitStack() as held:
         for folder in {folder.resolve(): folder for folder in written}.values():
@@ -124,6 +126,8 @@ def report(
             for folder in folders:
                 render(folder, pool)
         paths = write_report(folders, place)
+        if not manifest.is_sealed(place):
+            loose.record(place, paths, "report")
     for path in paths:
         terminal.data(str(path))
 

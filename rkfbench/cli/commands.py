@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from rkfbench.cli import claims, exchange, inspect, look, own, running
 from rkfbench.cli.common import command
@@ -26,7 +28,20 @@ from rkfbench.cli.options import (
 )
 from rkfbench.cli.terminal import Terminal
 
+
+class Commands(TyperGroup):
+    """The commands; what is wrong with an option is said without the words of the library that finds it."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = re.sub("^(Value error, |Input )", "", error.message)
+            raise
+
+
 app = typer.Typer(
+    cls=Commands,
     help="Experiments on robust Kalman filtering from five papers, and which of their claims hold.",
     no_args_is_help=True,
     add_completion=False,

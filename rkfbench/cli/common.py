@@ -7,6 +7,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import wraps
 from typing import Annotated, Any, get_type_hints
 
@@ -35,15 +36,17 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(function)
     def run(*, as_json: bool, quiet: bool, verbose: bool, no_color: bool, **params: Any) -> None:
-        terminal = Terminal(as_json, quiet, verbose, color=not (no_color or os.environ.get("NO_COLOR")))
+        color = not (no_color or os.environ.get("NO_COLOR"))
+        terminal = Terminal(as_json, quiet, verbose, color=color, out=sys.stdout)
         try:
-            function(terminal, **params)
+            with redirect_stdout(sys.stderr):  # what a plug-in prints is no result
+                function(terminal, **params)
             with written():
-                sys.stdout.flush()
+                terminal.out.flush()
         except typer.Exit:
             raise
         except BrokenPipeError:  # the reader of a pipe (head, less) went away: nothing to tell
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            os.dup2(os.open(os.devnull, os.O_WRONLY), terminal.out.fileno())
             raise typer.Exit(0) from None
         except (Exception, KeyboardInterrupt) as error:
             if interrupts.came() or isinstance(error, KeyboardInterrupt):  # some libraries make another error of it

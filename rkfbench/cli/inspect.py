@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -42,7 +43,7 @@ def tune(
     sets: Sets = [],
     sweeps: Sweeps = [],
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the files (default: results/SCENARIO~tune-FILTER).")
+        Path | None, typer.Option("--out", help="Folder for the files (default: results/SCENARIO~tune-FILTER,OPTIONS).")
     ] = None,
 ) -> None:
     """Find the best parameters of a filter, case by case, on tuning runs; report them on the test runs.
@@ -52,15 +53,19 @@ def tune(
 
     The tuning runs have a seed of their own, so the choice does not profit from the runs that judge it.
     """
-    from rkfbench.report.tuned import choices, sentence, write
+    from rkfbench.report.tuned import NAMES, choices, sentence, write
     from rkfbench.reproduce import RESULTS
     from rkfbench.scenario import load, pick
-    from rkfbench.store import files
+    from rkfbench.store import files, loose
     from rkfbench.study.axes import axes_of
     from rkfbench.study.tune import POINTS
     from rkfbench.study.tune import tune as tuned
 
     loaded = load(scenario, sets=sets, sweeps=sweeps, runs=runs, seed=seed)
+    options = {"metric": metric, "points": points, "grid": grid or None, "reading": reading, "runs": runs, "seed": seed}
+    of = _told(f"tune-{label}", [*over, *cases, *sets, *sweeps], options)
+    folder = out or RESULTS / f"{loaded.name}~{files.slug(of)}"
+    loose.refuse_foreign(folder, NAMES, f"{loaded.name} {of}")  # before the search, which may take long
     found = []
     for cell in pick.cells(loaded, cases, reading):
         spec = pick.filter_of(cell, label)
@@ -68,8 +73,9 @@ def tune(
         goal = metric or cell.spec.get("score") or "rmse"
         found.append(tuned(cell, spec, axes, goal, seed=loaded.seed, runs=loaded.runs, refine=not grid))
         terminal.note(sentence(found[-1], axes))
-    folder = out or RESULTS / f"{loaded.name}~tune-{files.slug(label)}"
-    for path in write(folder, found, label, goal):
+    paths = write(folder, found, label, goal)
+    loose.record(folder, paths, f"{loaded.name} {of}")
+    for path in paths:
         terminal.note(str(path))
     rows = list(choices(found, label, goal))
     hidden = ("reading", "filter", "metric", "sd", "median", "q05", "q95", "max")
@@ -93,21 +99,27 @@ def trace(
     sets: Sets = [],
     sweeps: Sweeps = [],
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the files (default: results/SCENARIO~trace).")
+        Path | None, typer.Option("--out", help="Folder for the files (default: results/SCENARIO~trace,OPTIONS).")
     ] = None,
 ) -> None:
     """Show one run of one filter from the inside: truth, measurements, estimates, innovations, weights, flags."""
     from rkfbench import trace as traces
     from rkfbench.errors import UsageError
-    from rkfbench.report.traced import write
+    from rkfbench.report.traced import names, write
     from rkfbench.reproduce import RESULTS, folder_of
     from rkfbench.scenario import load, pick
+    from rkfbench.store import files, loose
 
     if (run is not None) == worst:
         raise UsageError("which run? give either --run N or --worst")
     loaded = load(scenario, sets=sets, sweeps=sweeps, runs=runs, seed=seed)
     cell = pick.one_cell(loaded, case, reading)
     pick.filter_of(cell, label)
+    if run is not None and runs is not None and run >= runs:
+        raise UsageError(f"run {run}: with --runs {runs}, --run is 0 to {runs - 1}")
+    of = _told("trace", [*sets, *sweeps], {"reading": reading, "seed": seed})
+    folder = out or RESULTS / f"{loaded.name}~{files.slug(of)}"
+    loose.refuse_foreign(folder, (), of)
     if run is None:
         goal = metric or cell.spec.get("score") or "rmse"
         numbers = {"runs": runs, "seed": seed}
@@ -115,7 +127,15 @@ def trace(
         run, value = traces.worst(loaded, cell, label, goal, folder_of(loaded, overrides))
         terminal.note(f"run {run} of {loaded.runs}: {goal} = {value:.6g}")
     found = traces.trace(cell, loaded.seed, run, label)
-    for path in write(out or RESULTS / f"{loaded.name}~trace", found):
+    loose.refuse_foreign(folder, names(found), f"{loaded.name} {of}")
+    paths = write(folder, found)
+    loose.record(folder, paths, f"{loaded.name} {of}")
+    for path in paths:
         (terminal.note if terminal.json else terminal.data)(str(path))
     if terminal.json:
         terminal.object([dict(zip(found.columns, row, strict=True)) for row in found.rows()])
+
+
+def _told(what: str, texts: Sequence[str], options: Mapping[str, Any]) -> str:
+    """What makes results these and no others, in one line, by which their folder is called."""
+    return ",".join([what, *texts, *(f"{name}={value}" for name, value in options.items() if value is not None)])

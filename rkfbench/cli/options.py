@@ -26,7 +26,8 @@ Precision = Annotated[
     typer.Option(
         "--precision",
         metavar="[METRIC=]NUMBER",
-        help="Run until the relative standard error is that small in all cases (default: the score or first metric).",
+        help="Run until the relative standard error is that small in all cases (default: the score or first metric). "
+        "Runs come in whole blocks: 524288 / steps of them, at least 128 and at most 4096.",
     ),
 ]
 MaxRuns = Annotated[int | None, typer.Option("--max-runs", min=1, help="Where --precision gives up (100000).")]

@@ -42,6 +42,7 @@ def check(
 
     from rkfbench import contract, own
     from rkfbench.catalogue import lookup
+    from rkfbench.errors import UsageError
     from rkfbench.filters import FILTERS, build
     from rkfbench.scenario import load
     from rkfbench.scenario.yaml import Mark, parse_value, plain
@@ -50,13 +51,15 @@ def check(
     if on is not None:
         scenario = load(on)
         on_problems = (contract.problem_of(scenario.name, scenario.cells[0].spec),)
-    home, colon, attribute = name.rpartition(":")
+    home, colon, attribute = (name, "", "") if name.endswith(".py") else name.rpartition(":")
     own.beside(Path(home).parent if home.endswith(".py") else Path())
-    known_as = f"{Path(home).name}:{attribute}" if home.endswith(".py") and colon else name
+    known_as = f"{Path(home).name}{colon}{attribute}" if home.endswith(".py") else name
     entry = lookup(FILTERS, "filter", known_as)
     params: dict[str, Any] = {}
     for option in sets:
-        key, _, value = option.partition("=")
+        key, equals, value = option.partition("=")
+        if not equals:
+            raise UsageError(f"--set {option}: should be written as PARAMETER=VALUE")
         params[key.strip()] = plain(parse_value(value, Mark(f"--set {option}")))
     make = partial(build, known_as, **params)
     results = list(contract.results(make, entry.limits, "streams" in entry.needs, on_problems))
@@ -99,4 +102,4 @@ def new(
     if what == What.filter:
         terminal.note(f"next: rkfbench check {name}.py:{name}, then rkfbench run {name}.yaml")
     else:
-        terminal.note(f"next: rkfbench run {name}.yaml")
+        terminal.note(f"next: rkfbench run {next(iter(texts))}")

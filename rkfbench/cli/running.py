@@ -130,11 +130,14 @@ def goal(terminal: Terminal, scenario: Any, precision: list[str], max_runs: int 
     if not precision:
         return None
     from rkfbench import own
+    from rkfbench.study.blocks import block_size
     from rkfbench.study.precision import Goal
 
     own.beside(scenario.plugins)
     found = Goal.of(precision, max_runs, scenario)
-    terminal.note(f"{scenario.name}: precision {found} in every case, with at most {found.most} runs")
+    size = max(block_size(cell.spec["steps"]) for cell in scenario.cells)
+    blocks = f" in blocks of {size}" if size < found.most else ""
+    terminal.note(f"{scenario.name}: precision {found} in every case, with at most {found.most} runs{blocks}")
     return found
 
 

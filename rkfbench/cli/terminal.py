@@ -12,8 +12,8 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rkfbench.errors import RkfbenchError
 
@@ -44,11 +44,12 @@ class Terminal:
     verbose: bool = False
     color: bool = True
     activity: str = ""  # what an interruption would leave behind
+    out: TextIO = field(default_factory=lambda: sys.stdout)  # as it was, whatever `print` means meanwhile
 
     def data(self, text: str) -> None:
         """What was asked for."""
         with written():
-            sys.stdout.write(text if text.endswith("\n") else text + "\n")
+            self.out.write(text if text.endswith("\n") else text + "\n")
 
     def note(self, text: str) -> None:
         """What happens on the way."""

@@ -14,7 +14,7 @@ threshold of a 95 % family for all tests that are made:
 
 Runs that failed are in no pair of values; quantiles of summary.csv count them as +inf. Medians of curves and paths of
 single runs are not tested. An exact check, which has no chance in it, differs when it crosses its own tolerance. Rows
-that only one folder has are differences.
+that only one folder has are differences, unless it alone was run with extras and switches (--full).
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ class Comparison:
     rows: int
     threshold: float = math.inf
     differences: list[Difference] = field(default_factory=list)
+    more: list[Difference] = field(default_factory=list)  # what one of them has because it alone was run in full
 
 
 def compare(a: Results, b: Results, common: bool = False) -> Comparison:
@@ -50,16 +51,18 @@ def compare(a: Results, b: Results, common: bool = False) -> Comparison:
     pair = Pair(a, b)
     if _same_bytes(a, b, common):
         return Comparison("same bytes", len(pair.first))
-    certain = [*pair.crossed()] if common else [*pair.crossed(), *pair.alone()]
+    alone = [] if common else [*pair.alone()]
+    more = [each for each in alone if pair.is_extra(each)]
+    certain = [*pair.crossed(), *(each for each in alone if not pair.is_extra(each))]
     if not certain and pair.close():
-        return Comparison("same to the tolerance", len(pair.rows))
+        return Comparison("same to the tolerance", len(pair.rows), more=more)
     tests = [*counts(pair), *summaries(pair)]
     steps = [*curves(pair)]
     threshold = chance.threshold(len(tests) + sum(each.tests for each in steps), FAMILY_ERROR)
     tested = tests + [each.worst for each in steps if each.worst is not None]
     differences = certain + _largest(each for each in tested if abs(each.z) > threshold)
     level: Level = "different" if differences else "no statistical difference"
-    return Comparison(level, len(pair.rows), threshold, differences)
+    return Comparison(level, len(pair.rows), threshold, differences, more)
 
 
 def _same_bytes(a: Results, b: Results, common: bool) -> bool:

@@ -37,6 +37,12 @@ class Difference:
         """The same seen from the other side."""
         return Difference(self.key, self.what, self.b, self.a, -self.z)
 
+    @property
+    def only(self) -> str:
+        """Which folder alone has it, "a" or "b"; "" for what both have."""
+        one = self.what in ("row", "curve") or (self.what == "check" and None in (self.a, self.b))
+        return "" if not one else "a" if self.z > 0 else "b"
+
     def as_row(self) -> Row:
         reading, case, filter, metric = self.key
         return {
@@ -78,6 +84,11 @@ class Pair:
                 Difference(_check(id), "check", x.check(id)[0], None, math.inf) for id in x.checks if id not in y.checks
             ]
             yield from (each.swapped() if side else each for each in found)
+
+    def is_extra(self, alone: Difference) -> bool:
+        """Whether what only one of them has is there because that one was run in full, and the other was not."""
+        mine, other = (self.a, self.b) if alone.only == "a" else (self.b, self.a)
+        return bool(mine.manifest.get("full")) and not other.manifest.get("full")
 
     def crossed(self) -> Iterator[Difference]:
         """Exact checks that one folder passes and the other does not."""

@@ -27,6 +27,7 @@ def entry(group: str, name: Any) -> Entry | None:
     if not isinstance(name, str):
         return None
     if (group, name) not in _entries:
+        names.refuse_unnamed(name)
         target = names.find(name) if names.is_reference(name) else names.find_installed(group, name)
         if target is None:
             return None

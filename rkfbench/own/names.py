@@ -6,6 +6,7 @@ what is named, and what that imports.
 
 from __future__ import annotations
 
+import ast
 import importlib
 import os
 import sys
@@ -13,7 +14,7 @@ import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.machinery import SourceFileLoader
+from importlib.machinery import PathFinder, SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
@@ -93,9 +94,25 @@ def find(name: str) -> Any:
     _homes[name] = home
     module = _loaded[home].module
     if not hasattr(module, attribute):
-        public = [each for each in vars(module) if not each.startswith("_")]
+        public = [key for key, each in vars(module).items() if key[:1] != "_" and not isinstance(each, ModuleType)]
         raise SpecError(f"{home} has no '{attribute}'{did_you_mean(attribute, public)}")
     return getattr(module, attribute)
+
+
+def refuse_unnamed(name: str) -> None:
+    """SpecError for a file of which no function or class is named; it is read, not imported, to tell which it has."""
+    home, _, _ = name.partition(":")
+    if is_reference(name) or not home.endswith(".py"):
+        return
+    file = _file(home)
+    assert file is not None
+    try:
+        body = ast.parse(file.read_bytes()).body
+    except (OSError, SyntaxError, ValueError):
+        body = []  # whoever imports it will tell
+    named = [each.name for each in body if isinstance(each, ast.FunctionDef | ast.ClassDef) and each.name[:1] != "_"]
+    has = f" (it has {', '.join(named)})" if named else ""
+    raise SpecError(f"which function or class of {home}? Write {home}:{named[0] if len(named) == 1 else 'NAME'}{has}")
 
 
 def find_installed(group: str, name: str) -> Any:
@@ -117,6 +134,13 @@ def entry_points(group: str) -> dict[str, str]:
     from importlib import metadata
 
     return {each.name: each.value.replace(" ", "") for each in metadata.entry_points(group=f"rkfbench.{group}")}
+
+
+def hides(name: str) -> bool:
+    """Whether a file of that name in the current folder would hide a module that is installed."""
+    mine = {_current(), Path.cwd().resolve()}
+    elsewhere = [each for each in sys.path if Path(each).resolve() not in mine]
+    return name in sys.builtin_module_names or PathFinder.find_spec(name, elsewhere) is not None
 
 
 def pins(data: Any) -> dict[str, str]:

@@ -164,6 +164,10 @@ class OneByOne:
     def _rows(self, result: Any, y: Array, n: int, place: str) -> Iterator[Mapping[str, Any]]:
         """The result of a function of a whole run, step after step."""
         T, name = len(y), self.name + place
+        if isinstance(result, tuple) and len(result) not in (2, T):  # T rows are means
+            raise PluginFault(
+                f"{name} returned {len(result)} values, expected means {(T, n)}, or means and covariances {(T, n, n)}"
+            )
         means, covs = result if isinstance(result, tuple) and len(result) == 2 else (result, None)
         if means is None:
             raise PluginFault(f"{name} returned None, expected means {(T, n)}, or means and covariances: no return?")

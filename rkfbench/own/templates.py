@@ -8,6 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rkfbench.errors import UsageError
 from rkfbench.filters import FILTERS
+from rkfbench.own import names
 from rkfbench.scenario.schema import LONGEST_NAME, FolderName
 from rkfbench.scenario.yaml import scalar
 
@@ -113,6 +114,10 @@ def own_filter(name: str, batch: bool) -> dict[str, str]:
         raise UsageError(f"'{name}' cannot be the name of a Python function or class")
     if name in FILTERS:
         raise UsageError(f"there is a filter '{name}' already (rkfbench show {name}): choose another name")
+    if names.hides(name):
+        raise UsageError(
+            f"'{name}' is a module that Python can import, which {name}.py would hide: choose another name"
+        )
     called = _scenario_name(name.strip("_") or "own")
     own = f"  - {{use: {name}.py:{name}, threshold: 3}}"
     return {
@@ -122,8 +127,8 @@ def own_filter(name: str, batch: bool) -> dict[str, str]:
 
 
 def scenario(name: str) -> dict[str, str]:
-    """A scenario, by file name."""
-    name = _scenario_name(name)
+    """A scenario, by file name, which may be given with its ending."""
+    name = _scenario_name(name.removesuffix(".yaml"))
     own = "  # - {use: my_filter.py:my_filter, threshold: 3}               your own: rkfbench new filter my_filter"
     return {f"{name}.yaml": SCENARIO.format(name=name, file=f"{name}.yaml", own=own)}
 

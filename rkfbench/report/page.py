@@ -211,6 +211,11 @@ def _stamp(text: str, made_from: str) -> str:
     return f"<!-- stamp {hashlib.sha256(f'{made_from} {text}'.encode()).hexdigest()[:16]} -->\n"
 
 
+def is_stamped(path: Path) -> bool:
+    """Whether a page is one that `rkfbench reproduce` wrote into the folder of all results."""
+    return path.is_file() and b"\n<!-- stamp " in path.read_bytes()[-60:]
+
+
 def _bears(path: Path, made_from: str) -> bool:
     try:
         text, mark, rest = path.read_text(encoding="utf-8").rpartition("<!-- stamp ")

@@ -24,11 +24,16 @@ CAPTION = (
 )
 
 
-def write(folder: Path, trace: Trace) -> list[Path]:
-    """Write <case>.<filter>.run<N> as csv, png and pdf; the files written."""
+def names(trace: Trace) -> list[str]:
+    """<case>.<filter>.run<N> as csv, png and pdf."""
     words = [trace.case, trace.filter, f"run{trace.run}"]
     stem = ".".join(files.slug(word) for word in words if word)
-    paths = [folder / f"{stem}{suffix}" for suffix in (".csv", ".png", ".pdf")]
+    return [f"{stem}{suffix}" for suffix in (".csv", ".png", ".pdf")]
+
+
+def write(folder: Path, trace: Trace) -> list[Path]:
+    """Write the three; the files written."""
+    paths = [folder / name for name in names(trace)]
     files.write_csv(paths[0], list(trace.columns), trace.rows())
     with style.styled():
         sheet = draw(trace)

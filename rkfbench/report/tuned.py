@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PLACE = ("reading", "case", "filter", "metric")
+NAMES = ("curves.csv", "chosen.csv", "curves.png", "curves.pdf")
 STATISTICS = ("runs", "failed", "mean", "se", "sd", "median", "q05", "q95", "max")
 CURVE = (*PLACE, "parameter", "value", *STATISTICS)
 CAPTION = (
@@ -38,7 +39,7 @@ def write(folder: Path, found: Sequence[Tuned], label: str, metric: str) -> list
         files.write(folder / "curves.png", style.png(drawn))
         drawn.set_layout_engine("none")
         files.write(folder / "curves.pdf", style.pdf(drawn))
-    return [folder / name for name in ("curves.csv", "chosen.csv", "curves.png", "curves.pdf")]
+    return [folder / name for name in NAMES]
 
 
 def choices(found: Sequence[Tuned], label: str, metric: str) -> Iterator[dict[str, Any]]:

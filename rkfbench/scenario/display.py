@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from rkfbench.claims.expression import parse
 from rkfbench.errors import Path
@@ -30,6 +30,13 @@ Computed = Literal["operation_counts", "operation_totals"]  # the functions of r
 LONGEST_NAME = 100  # of what names files: more is added to it
 Name = Annotated[str, Field(min_length=1)]
 Names = Name | Annotated[list[Name], Field(min_length=1)]
+_LISTED = {"anyOf": [{"type": "string"}, {"type": "array", "minItems": 1, "items": {"minLength": 1, "type": "string"}}]}
+Listed = Annotated[  # of names: one alone may be written without brackets, as in claims
+    list[Name],
+    Field(min_length=1),
+    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
+    WithJsonSchema(_LISTED),
+]
 Identifier = Annotated[
     str,
     Field(
@@ -70,7 +77,7 @@ class Item(Strict):
     caption: str = Field(
         default="", description="what the reader should know; runs, reading and cases are added by themselves"
     )
-    readings: Annotated[list[Name], Field(min_length=1)] | None = Field(
+    readings: Listed | None = Field(
         default=None, description="readings, or switches as `reading+switch`; default: all readings"
     )
 
@@ -79,10 +86,10 @@ class Selection(Item):
     """What a table or figure takes out of the results; everything that is left out means all."""
 
     metric: Names | None
-    filters: Annotated[list[Name], Field(min_length=1)] | None = Field(
+    filters: Listed | None = Field(
         default=None, description="labels of filters, in order; default: all that are not `extra`"
     )
-    cases: Annotated[list[Name], Field(min_length=1)] | None = Field(
+    cases: Listed | None = Field(
         default=None, description="labels of cases or parts of labels, in order; default: all that are not `extra`"
     )
 

@@ -134,6 +134,8 @@ def _with_options(
             if not equals or not path:
                 raise SpecError("should be written as path=value")
             text.encode()  # what a command line gives may not be UTF-8
+            if option == "--set" and (swept := _swept(path.strip(), sweeps)):
+                raise SpecError(f"stands against --sweep {swept}, which gives it other values: leave out one of them")
             document = rewrite(document, path.strip(), read(value, mark), mark)
         except SpecError as error:
             problems.append(mark.problem(error.message, path if equals else ""))
@@ -147,6 +149,11 @@ def _with_options(
     if seed is not None:
         document = graft(document, "seed", seed, Mark(f"--seed {seed}"))
     return document
+
+
+def _swept(path: str, sweeps: Sequence[str]) -> str:
+    """The option that sweeps `path` or something in it; "" where there is none."""
+    return next((each for each in sweeps if f"{each.partition('=')[0].strip()}.".startswith(f"{path}.")), "")
 
 
 def _sweep_values(text: str, mark: Mark) -> list[Any]:

@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 
 from rkfbench.errors import Path, SpecError, did_you_mean
 from rkfbench.own import short
+from rkfbench.scenario.advice import not_measured
 from rkfbench.scenario.display import NameUse, case_matches, names_used
 from rkfbench.scenario.paper_schema import Paper
 from rkfbench.scenario.scenario import Cell
@@ -42,7 +43,8 @@ def unknown_names(
             for use in names_used(item) if section != "claims" else ():
                 if use.kind in known and not _has(known, use):
                     noun = NOUNS.get(use.kind, use.kind)
-                    message = f"no {noun} '{use.name}' here{did_you_mean(use.name, known[use.kind])}"
+                    advice = not_measured if use.kind == "metric" else did_you_mean
+                    message = f"no {noun} '{use.name}' here{advice(use.name, known[use.kind])}"
                     yield SpecError(message, (section, index, *use.path))
 
 

@@ -36,7 +36,7 @@ def writing(path: Path) -> Iterator[None]:
         place = Path(error.filename) if isinstance(error.filename, str) else path
         raise UsageError(
             f"cannot write {place}: {error.strerror or error}\n"
-            "what was finished is kept: mend this, or choose another folder with --out, and run the same command again"
+            "what was finished is kept: mend this, or choose another folder, and run the same command again"
         ) from error
 
 

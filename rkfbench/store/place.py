@@ -14,6 +14,7 @@ from pathlib import Path
 from rkfbench.errors import UsageError
 from rkfbench.store import files, manifest
 
+OWNER = ".scenario"  # says whose the blocks are while there is no manifest
 _BLOCK = re.compile(r".*~[0-9a-f]{6}\.\d{4,}\.block")  # as `study.plan` names them
 
 
@@ -31,11 +32,27 @@ def refuse_foreign(folder: Path, scenario: str) -> None:
         return
     if owner and manifest.is_sealed(folder):
         raise UsageError(f"{folder} holds the results of '{owner}': choose another folder with --out")
+    if unfinished and _owner(folder) not in ("", scenario):
+        raise UsageError(f"{folder} holds blocks of '{_owner(folder)}': choose another folder with --out")
     ours = {*manifest.TOP, *manifest.FOLDERS, manifest.BLOCKS, manifest.TUNING}
     foreign = sorted(entries - ours - {manifest.NAME}) if unfinished else sorted(entries)
     if foreign:
         told = ", ".join(foreign[:3]) + (" ..." if len(foreign) > 3 else "")
         raise UsageError(f"{folder} holds other files ({told}): choose an empty folder, or a new one, with --out")
+
+
+def mark(folder: Path, scenario: str) -> None:
+    """Say whose the blocks are that will be written: shards, and runs that are cut short, leave no manifest."""
+    if _owner(folder) != scenario:
+        with files.writing(folder / OWNER):
+            (folder / OWNER).write_text(scenario, encoding="utf-8")
+
+
+def _owner(folder: Path) -> str:
+    try:
+        return (folder / OWNER).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
 
 
 def remove(folder: Path, names: Iterable[str]) -> None:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import sys
 from collections.abc import Generator, Sequence
 from concurrent.futures import CancelledError
+from contextlib import redirect_stdout
 from typing import TYPE_CHECKING, Any
 
 from rkfbench import blas
@@ -109,7 +111,8 @@ def checked(job: Job, code: str) -> Done:
     """`work` on a worker, unless that has other code than the driver: its numbers might differ."""
     if code_hash() != code:
         raise RkfbenchError("a dask worker has another version of rkfbench, numpy or scipy than this machine")
-    return work(job)
+    with redirect_stdout(sys.stderr):  # a plug-in's; the worker may share its output with the driver
+        return work(job)
 
 
 def _threads(client: Client) -> int:

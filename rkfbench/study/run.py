@@ -106,6 +106,7 @@ def compute(
 ) -> Computed:
     """The same in a folder that is `reserved`, but for the tables."""
     begin, started = time.perf_counter(), _now()
+    place.mark(folder, scenario.name)
     if fresh:
         place.remove_blocks(folder)
     settled = None
@@ -134,6 +135,7 @@ def compute_shard(
     """Compute the blocks of one shard, beside others that do the same with theirs; no table is written."""
     place.refuse_foreign(folder, scenario.name)
     with shared(folder):
+        place.mark(folder, scenario.name)
         begin = time.perf_counter()
         units = list(plan.units(scenario, folder, full))
         its_own = [unit for i, unit in enumerate(units) if shard.has(i)]

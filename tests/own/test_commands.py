@@ -58,9 +58,14 @@ def test_a_filter_is_tried_on_the_scenario_that_it_serves(folder, small):
         (["plugins:nothing"], "plugins has no 'nothing'"),
         (["plugins:stepwise", "--set", "inflate=0"], "inflate: should be greater than 0"),
         (["hfk"], "did you mean 'hkf'"),
+        (["two.py"], "which function or class of two.py? Write two.py:NAME (it has one, another)"),
+        (["two.py:"], "which function or class of two.py? Write two.py:NAME"),
+        (["two.py:mp"], "two.py has no 'mp'\n"),
+        (["plugins:stepwise", "--set", "inflate"], "--set inflate: should be written as PARAMETER=VALUE"),
     ],
 )
 def test_what_is_no_filter_is_a_usage_error(folder, arguments, message):
+    (folder / "two.py").write_text("import numpy as np\n\n\ndef one(): ...\n\n\nclass another: ...\n")
     result = rkfbench("check", *arguments)
     assert (result.exit_code, message in result.stderr) == (2, True)
 
@@ -197,3 +202,10 @@ def test_nothing_is_written_over():
 def test_a_name_that_cannot_be_one_is_refused(what, name):
     assert rkfbench("new", what, name).exit_code == 2
     assert list(Path().iterdir()) == []
+
+
+def test_new_names_no_file_twice_and_hides_no_module():
+    assert rkfbench("new", "scenario", "first.yaml").stdout == "first.yaml\n"
+    hiding = rkfbench("new", "filter", "numpy")
+    assert (hiding.exit_code, "'numpy' is a module that Python can import" in hiding.stderr) == (2, True)
+    assert not Path("numpy.py").exists()

@@ -137,6 +137,7 @@ def test_what_makes_no_filter_is_told_where_it_stands(folder, spec, path, messag
             r"plugins:raises raised ValueError in run 3, step 5: no such thing \(plugins.py, line \d+\)",
         ),
         ("plugins:grows", r"plugins:grows has x of shape \(5,\) in run 0, step 1, expected \(4,\)"),
+        ("plugins:three", r"plugins:three in run 0 returned 3 values, expected means \(12, 4\), or means and cov"),
         ("plugins:forgets", r"plugins:forgets in run 0 returned None, expected means \(12, 4\)"),
         ("plugins:leaves", r"plugins:leaves raised SystemExit in run 0, step 1: 3 \(plugins.py, line \d+\)"),
         ("plugins:complex_means", "has complex means: give its real part"),

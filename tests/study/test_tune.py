@@ -244,8 +244,8 @@ def test_the_command_writes_curves_choices_and_a_figure(small: Path) -> None:
     assert [line.split()[:2] for line in lines[1:]] == [
         ["rate=0", "before"], ["rate=0", "chosen"], ["rate=0.4", "before"], ["rate=0.4", "chosen"],
     ]  # fmt: skip
-    folder = Path("results/small~tune-hkf")
-    assert {path.name for path in folder.iterdir()} == {"curves.csv", "chosen.csv", "curves.png", "curves.pdf"}
+    folder = Path("results/small~tune-hkf,threshold=0.5-3,points=4,runs=30")
+    assert {path.name for path in folder.glob("[!.]*")} == {"curves.csv", "chosen.csv", "curves.png", "curves.pdf"}
     chosen = files.read_records(folder / "chosen.csv")
     assert chosen[0]["threshold"] == 2
     assert chosen[3]["difference"] == pytest.approx(chosen[3]["mean"] - chosen[2]["mean"])
@@ -258,12 +258,38 @@ def test_the_command_writes_curves_choices_and_a_figure(small: Path) -> None:
     assert (folder / "curves.png").read_bytes() == pictures
 
 
+def test_nothing_of_somebody_else_or_of_other_options_is_written_over(
+    small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tune = ("tune", small, "--filter", "hkf", "--over", "threshold=1,3", "--runs", "10", "--grid", "--out", "t")
+    assert rkfbench(*tune).exit_code == 0
+    assert rkfbench(*tune).exit_code == 0
+    chosen = Path("t/chosen.csv").read_bytes()
+    Path("taken").write_text("mine")
+    Path("mine").mkdir()
+    Path("mine/curves.csv").write_text("mine")
+
+    def never(*args: object, **options: object) -> None:
+        raise AssertionError("the search has begun")
+
+    monkeypatch.setattr("rkfbench.study.tune.tune", never)
+    for out, more, told in (
+        ("taken", [], "taken is a file: choose a folder with --out"),
+        ("mine", [], "mine/curves.csv was not written by rkfbench"),
+        ("t", ["--metric", "err_norm"], "t/curves.csv is of other options (small tune-hkf,threshold=1,3,"),
+    ):
+        refused = rkfbench(*tune[:-1], out, *more)
+        assert (refused.exit_code, refused.stdout, told in refused.stderr) == (2, "", True), refused.output
+    assert (Path("taken").read_text(), Path("mine/curves.csv").read_text()) == ("mine", "mine")
+    assert Path("t/chosen.csv").read_bytes() == chosen
+
+
 def test_the_setting_before_is_that_of_the_study(small: Path) -> None:
     rkfbench("run", small, "-q")
     rkfbench("tune", small, "--filter", "hkf", "--over", "threshold=1,3", "--metric", "err_norm")
     from rkfbench.store import Results
 
-    before = files.read_records(Path("results/small~tune-hkf/chosen.csv"))[0]
+    before = files.read_records(Path("results/small~tune-hkf,threshold=1,3,metric=err_norm/chosen.csv"))[0]
     study = next(
         row
         for row in Results.open("results/small").summary

@@ -17,7 +17,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from rkfbench.cli.commands import app
-from rkfbench.store import blocks
+from rkfbench.store import blocks, place
 
 ROOT = Path(__file__).parents[2]
 COMMAND = (sys.executable, "-m", "rkfbench")  # in ROOT: its own rkfbench, whatever is installed
@@ -119,7 +119,7 @@ class Study:
 
     def hidden(self) -> list[str]:
         """Temporary files and locks."""
-        return [path.name for path in self.results.rglob(".*")]
+        return [path.name for path in self.results.rglob(".*") if path.name != place.OWNER]
 
     def listed(self) -> dict[str, str]:
         """The hashes in the manifest."""
