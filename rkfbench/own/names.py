@@ -54,8 +54,11 @@ class Loaded:
             return True
 
 
+# Ends an entry of sys.path that was made here, and changes nothing else: worker processes inherit such entries, and
+# what stood there before stays.
+OURS = 2 * os.sep
+
 _folder: list[Path] = []  # at most one
-_added: list[str] = []  # to sys.path, for it: what stood there before stays
 _loaded: dict[str, Loaded] = {}  # by the part of the name before the colon
 _homes: dict[str, str] = {}  # of every plug-in name that was found: that part
 
@@ -76,9 +79,7 @@ def beside(folder: Path) -> None:
     folder = folder.resolve()
     if [folder] != _folder:
         stale = [home for home, old in _loaded.items() if old.folder is not None]
-        while _added:
-            if (place := _added.pop()) in sys.path:
-                sys.path.remove(place)
+        sys.path[:] = [place for place in sys.path if not place.endswith(OURS)]
         _folder[:] = [folder]
     else:
         stale = [home for home, old in _loaded.items() if old.folder is not None and old.stale]
@@ -243,9 +244,8 @@ def _executed(file: Path) -> ModuleType:
     """The module that a file makes. It may import what lies in the scenario's folder, after all that is installed."""
     import importlib.util
 
-    if str(_current()) not in sys.path:
-        sys.path.append(str(_current()))
-        _added.append(str(_current()))
+    if not {str(_current()), f"{_current()}{OURS}"} & {*sys.path}:
+        sys.path.append(f"{_current()}{OURS}")
     importlib.invalidate_caches()
     name = f"{file.stem}@rkfbench"  # no import statement can mean it
     loader = FromSource(name, str(file))

@@ -242,6 +242,6 @@ def test_what_python_looked_through_before_stays(tmp_path, monkeypatch):
     before = list(sys.path)
     for folder in (tmp_path, mine):
         own.beside(folder)
-    assert names.find("my.py:f") and sys.path == [*before, str(mine)]
+    assert names.find("my.py:f") and sys.path == [*before, f"{mine}{names.OURS}"]
     own.beside(tmp_path)
     assert sys.path == before
