@@ -25,7 +25,8 @@ def components(name: str, length: int, model: Model) -> Sequence[str]:
     """
     if name in OF_MEASUREMENT:
         return model.measurements
-    if length == 1:
+    if name in NUMBERS:
         return [""]
     known = [model.states] if name in OF_STATE else [model.measurements, model.states]
-    return next((names for names in known if len(names) == length), [str(j) for j in range(length)])
+    numbers = [""] if length == 1 else [str(j) for j in range(length)]
+    return next((names for names in known if len(names) == length), numbers)

@@ -78,6 +78,7 @@ class Premise(Each):
 
     Steps: all, those with an outlier, the clean ones, those at which cond(S) is worse than that of the filter `than`,
     or those with one extreme residual alone (the others within the threshold), of which the paper speaks after (57).
+    Never those with a missing component.
     """
 
     which: Which = "all"
@@ -93,13 +94,14 @@ class Premise(Each):
         return {self.than: frozenset({"S"})} if self.which == "worse" else MappingProxyType({})
 
     def __call__(self, trial: Trial, states: Sequence[int]) -> Array:
-        holds = self.holds(trial)
+        known = np.isfinite(trial.estimate.extras["inflation"]).all(1)
+        holds = np.where(known, self.holds(trial), np.nan)
         if self.which == "worse":
             return np.where(worse(trial, self.than), holds, np.nan)
         if self.which == "single":
             return np.where(single(trial.estimate), holds, np.nan)
         if self.which == "all":
-            return holds.astype(float)
+            return holds
         return np.where(outliers(trial) == (self.which == "outlier"), holds, np.nan)
 
     def holds(self, trial: Trial) -> NDArray[np.bool_]:

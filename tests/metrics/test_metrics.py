@@ -12,10 +12,13 @@ from rkfbench import metrics
 from rkfbench.errors import SpecError
 from rkfbench.experiment import Experiment
 from rkfbench.filters import build
+from rkfbench.filters.histories import components
 from rkfbench.filters.weights import Huber, LeastAbsolute, Plain
 from rkfbench.metrics import METRICS, Trial
 from rkfbench.metrics.influence import influence, window, xi_of
 from rkfbench.metrics.objective import minimise
+from rkfbench.models.odometers import Odometers
+from rkfbench.models.ungm import UNGM
 from rkfbench.streams import Streams
 from tests.contract import SPECS
 from tests.oracles import linear as oracle
@@ -28,6 +31,7 @@ SPEC = {
 }
 EXPERIMENT = Experiment.of(SPEC)
 WORLD = EXPERIMENT.simulate(Streams(6))
+ODOMETERS, GROWTH = Odometers(), UNGM()
 KEEP = {"kf": ("S",), "hkf": ("S", "inflation"), "aladkf": ("S", "lambda"), "clairvoyant_kf": ("S",)}
 TOLD = {"P0": EXPERIMENT.told.P0, "Q": EXPERIMENT.told.Q, "R": EXPERIMENT.told.R}
 ESTIMATES = {
@@ -91,6 +95,17 @@ def test_share_of_47_by_the_inflated_noise():
     holds = np.linalg.cond(inflated) >= np.linalg.cond(EXPERIMENT.told.R) * (1 - 1e-9)
     np.testing.assert_allclose(measure("share_47", "hkf"), holds.mean(0))
     assert not metrics.applies(metrics.get("share_47"), build("aladkf"))
+
+
+@pytest.mark.parametrize("name", ["share_46", "share_47", "share_46(steps=worse)"])
+def test_steps_with_a_missing_component_are_no_steps_of_46(name):
+    y = WORLD.y.copy()
+    y[[4, 9, 30], 1] = np.nan
+    gaps = {each: build(each).run(EXPERIMENT.model, y, WORLD.x0, **TOLD, keep=KEEP[each]) for each in ("kf", "hkf")}
+    trial = Trial(EXPERIMENT, WORLD, build("hkf"), gaps["hkf"], gaps)
+    shown = metrics.get(name).quantity(trial, (0, 1, 2, 3))
+    assert np.isnan(shown[[4, 9, 30]]).all()
+    assert np.isfinite(metrics.get(name)(trial)).all()
 
 
 def share(what, among):
@@ -346,3 +361,20 @@ def test_a_metric_that_makes_no_sense_is_said(text, says):
 
 def test_every_metric_of_the_catalogue_has_a_description():
     assert all(entry.summary for entry in METRICS.values())
+
+
+@pytest.mark.parametrize(
+    ("name", "length", "model", "names"),
+    [
+        ("weight", 2, ODOMETERS, ODOMETERS.measurements),
+        ("state_weight", 2, ODOMETERS, ODOMETERS.states),  # as many as there are odometers
+        ("beta", 1, ODOMETERS, [""]),
+        ("beta", 2, ODOMETERS, ODOMETERS.states),
+        ("lambda", 1, GROWTH, [""]),
+        ("state_weight", 1, GROWTH, GROWTH.states),
+        ("theirs", 1, GROWTH, GROWTH.measurements),
+        ("theirs", 3, ODOMETERS, ["0", "1", "2"]),
+    ],
+)
+def test_the_components_of_a_history_have_names(name, length, model, names):
+    assert list(components(name, length, model)) == list(names)
